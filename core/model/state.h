@@ -72,7 +72,6 @@ struct Ledger {
   double volume_j = 0;           // work of the volume constraint's impulses (second order in dt)
   double numerical_j = 0;        // -(change of elastic energy + elastic work): lost by the time integration
   double correction_j = 0;       // gained by position corrections
-  double constraint_j = 0;       // work of free zones and pins (round-off)
   double elastic_j = 0;          // elastic energy when last evaluated
   double elastic_work_j = 0;     // of elastic forces since then
   double kinetic_j = 0;          // kinetic energy when last summed
