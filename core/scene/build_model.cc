@@ -1,8 +1,10 @@
 #include "core/scene/build_model.h"
 
+#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +13,7 @@
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/generate.h"
+#include "core/scene/mesh/read_mesh.h"
 #include "core/scene/mesh/topology.h"
 #include "core/scene/place_body.h"
 
@@ -29,7 +32,13 @@ bool HasError(const Problems& problems) {
 struct Surface {
   TriangleMesh mesh;
   std::string field;  // within the body: "mesh.file"
+  std::string file;   // "'skull.obj': " for messages; empty when it does not come from a file
 };
+
+// A path as written in a scene, relative to the scene's directory.
+std::string PathOf(const std::string& file, const std::string& directory) {
+  return (std::filesystem::path(directory) / file).lexically_normal().string();
+}
 
 // The body's surface, or nothing and a problem.
 std::optional<Surface> MakeSurface(const v1::Body& body, const std::string& directory,
@@ -38,16 +47,26 @@ std::optional<Surface> MakeSurface(const v1::Body& body, const std::string& dire
     case v1::Body::kIcosphere:
       return Surface{MakeIcosphere(body.icosphere().radius_m(),
                                    static_cast<int>(NumberOf(body.icosphere(), "subdivisions"))),
-                     "icosphere"};
+                     "icosphere", ""};
     case v1::Body::kSheet:
       return Surface{MakeSheet(body.sheet().length_m(), body.sheet().width_m(),
                                static_cast<int>(body.sheet().columns()),
                                static_cast<int>(body.sheet().rows())),
-                     "sheet"};
+                     "sheet", ""};
     case v1::Body::kBlock:
       return Surface{MakeBlock(Vec3Of(body.block(), "size_m"),
                                static_cast<int>(NumberOf(body.block(), "cells"))),
-                     "block"};
+                     "block", ""};
+    case v1::Body::kMesh: {
+      absl::StatusOr<TriangleMesh> mesh = ReadMesh(PathOf(body.mesh().file(), directory));
+      if (!mesh.ok()) {
+        problems->push_back(
+            {absl::StrCat(path, ".mesh.file"), std::string(mesh.status().message())});
+        return std::nullopt;
+      }
+      for (Vec3& v : mesh->vertices) v *= NumberOf(body.mesh(), "scale_m");
+      return Surface{*std::move(mesh), "mesh.file", absl::StrCat("'", body.mesh().file(), "': ")};
+    }
     default:
       problems->push_back({path, "this shape cannot be made yet"});
       return std::nullopt;
@@ -61,8 +80,8 @@ void BuildBody(const v1::Body& body, int index, const std::string& directory, Mo
   if (!surface) return;
   const std::string surface_path = absl::StrCat(path, ".", surface->field);
   Problems found;
-  for (MeshFlaw& flaw : CheckMesh(surface->mesh).flaws) {
-    found.push_back({surface_path, std::move(flaw.message), flaw.warning});
+  for (const MeshFlaw& flaw : CheckMesh(surface->mesh).flaws) {
+    found.push_back({surface_path, absl::StrCat(surface->file, flaw.message), flaw.warning});
   }
   const auto particles = model->particle_count() + surface->mesh.vertices.size();
   if (particles > kMaxParticles) {
