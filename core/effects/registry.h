@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/effects/effect.h"
+#include "core/model/effect.h"
 
 namespace adhesim {
 

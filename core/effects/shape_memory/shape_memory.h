@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/effects/effect.h"
+#include "core/model/effect.h"
 
 namespace adhesim {
 
