@@ -105,6 +105,14 @@ absl::Status Error(Reason reason, const std::string& message,
   return status;
 }
 
+std::string ReasonOf(const absl::Status& status) {
+  google::rpc::Status details;
+  google::rpc::ErrorInfo info;
+  const bool found = details.ParseFromString(ErrorDetails(status)) && details.details_size() > 0 &&
+                     details.details(0).UnpackTo(&info);
+  return found ? info.reason() : ReasonName(Reason::kInternal);
+}
+
 std::string ErrorDetails(const absl::Status& status) {
   if (status.ok()) return "";
   const auto payload = status.GetPayload(kTypeUrl);

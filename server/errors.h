@@ -49,6 +49,9 @@ struct FieldViolation {
 absl::Status Error(Reason reason, const std::string& message,
                    const std::vector<FieldViolation>& violations = {});
 
+// The reason of a status that Error() made; "INTERNAL" of any other.
+std::string ReasonOf(const absl::Status& status);
+
 // The google.rpc.Status of a status, as bytes, for the trailer `grpc-status-details-bin`. A status
 // that Error() did not make gets one with the reason INTERNAL.
 std::string ErrorDetails(const absl::Status& status);
