@@ -7,9 +7,11 @@ namespace adhesim {
 
 // One mistake (or doubt) about a scene, tied to the field it is about.
 struct Problem {
-  std::string path;       // of the field: "bodies[1].icosphere.radius_m"; empty: the scene as a whole
-  std::string message;    // what is wrong, the value, what is permitted
-  bool warning = false;   // true: the scene loads all the same
+  std::string path;     // of the field: "bodies[1].icosphere.radius_m"; empty: the scene as a whole
+  std::string message;  // what is wrong, the value, what is permitted
+  bool warning = false;  // true: the scene loads all the same
+  int line = 0;          // in the scene file, from 1; 0: where the path points to
+  int column = 0;        // in bytes, from 1
 };
 
 using Problems = std::vector<Problem>;

@@ -1,0 +1,179 @@
+#include "core/scene/scene_rules.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <cmath>
+#include <map>
+#include <string>
+
+#include "core/scene/did_you_mean.h"
+#include "core/scene/field_options.h"
+#include "core/scene/quantity.h"
+
+namespace adhesim {
+namespace {
+
+using google::protobuf::RepeatedField;
+using google::protobuf::RepeatedPtrField;
+
+// Quaternions written with three decimals are that far from unit length; they are normalised when
+// the model is built.
+constexpr double kUnitTolerance = 1e-3;
+
+double Length(const RepeatedField<double>& v) {
+  double sum = 0;
+  for (const double x : v) sum += x * x;
+  return std::sqrt(sum);
+}
+
+template <typename Named>
+void CheckUniqueNames(const RepeatedPtrField<Named>& list, absl::string_view path,
+                      Problems* problems) {
+  std::map<std::string, int> first;
+  for (int i = 0; i < list.size(); ++i) {
+    if (list[i].name().empty()) continue;
+    const auto [other, is_new] = first.emplace(list[i].name(), i);
+    if (is_new) continue;
+    problems->push_back({IndexPath(path, i) + ".name",
+                         absl::StrCat(Quoted(list[i].name()), " is already the name of ",
+                                      IndexPath(path, other->second))});
+  }
+}
+
+void CheckRegion(const v1::Region& region, const std::string& path, Problems* problems) {
+  if (region.kind_case() == v1::Region::kAll && !region.all()) {
+    problems->push_back({path + ".all", "must be true; leave the region out to fix nothing"});
+  }
+  if (region.kind_case() == v1::Region::kBorder && !region.border()) {
+    problems->push_back({path + ".border", "must be true; leave the region out to fix nothing"});
+  }
+  const RepeatedField<double>& normal = region.half_space().normal();
+  if (normal.size() == 3 && std::isfinite(Length(normal)) && Length(normal) <= 0) {
+    problems->push_back(
+        {path + ".half_space.normal", "has no direction: its length is 0; permitted: above 0"});
+  }
+}
+
+void CheckQuaternion(const RepeatedField<double>& wxyz, const std::string& path,
+                     Problems* problems) {
+  const double length = Length(wxyz);
+  if (wxyz.size() != 4 || !std::isfinite(length) || std::abs(length - 1) <= kUnitTolerance) return;
+  problems->push_back(
+      {path, absl::StrCat("is a quaternion of length ", length, "; permitted: 1 within ",
+                          kUnitTolerance, ", in the order w, x, y, z")});
+}
+
+void CheckTool(const v1::Tool& tool, const std::string& path, Problems* problems) {
+  CheckQuaternion(tool.orientation_wxyz(), path + ".orientation_wxyz", problems);
+  for (int i = 0; i < tool.trajectory_size(); ++i) {
+    const v1::Waypoint& waypoint = tool.trajectory(i);
+    const std::string waypoint_path = IndexPath(path + ".trajectory", i);
+    CheckQuaternion(waypoint.orientation_wxyz(), waypoint_path + ".orientation_wxyz", problems);
+    if (i == 0 || !waypoint.has_t_s() || !tool.trajectory(i - 1).has_t_s()) continue;
+    if (waypoint.t_s() <= tool.trajectory(i - 1).t_s()) {
+      problems->push_back({waypoint_path + ".t_s",
+                           absl::StrCat("is ", NumberText(waypoint.t_s()), "; permitted: above ",
+                                        NumberText(tool.trajectory(i - 1).t_s()),
+                                        ", the time of the waypoint before")});
+    }
+  }
+}
+
+void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
+                   Problems* problems) {
+  if (adhesive.has_release_distance_m() && adhesive.has_capture_distance_m() &&
+      adhesive.release_distance_m() <= adhesive.capture_distance_m()) {
+    problems->push_back(
+        {path + ".release_distance_m",
+         absl::StrCat("is ", NumberText(adhesive.release_distance_m()), "; permitted: above ",
+                      NumberText(adhesive.capture_distance_m()), ", the capture distance")});
+  }
+  if (adhesive.has_kappa_adh_m() &&
+      (adhesive.has_normal_strength_pa() || adhesive.has_shear_strength_pa())) {
+    problems->push_back({path + ".kappa_adh_m",
+                         "excludes normal_strength_pa and shear_strength_pa: both state the "
+                         "strength; write one form"});
+  }
+  if (adhesive.has_shear_strength_pa() && !adhesive.has_normal_strength_pa() &&
+      !adhesive.has_kappa_adh_m()) {
+    problems->push_back({path + ".shear_strength_pa", "needs normal_strength_pa beside it"});
+  }
+}
+
+// The bodies that an elastic effect acts on: those it names, or every deformable one. Reports rigid
+// ones named and those that an earlier effect of the same kind (in `taken`) acts on.
+void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& named,
+                 const std::string& path, std::map<std::string, int>* taken, int effect,
+                 Problems* problems) {
+  const auto claim = [&](const std::string& name, const std::string& where) {
+    const auto [other, is_new] = taken->emplace(name, effect);
+    if (is_new || other->second == effect) return true;
+    problems->push_back(
+        {where, absl::StrCat("acts on body ", Quoted(name), ", as effects[", other->second,
+                             "] of the same kind already does; permitted: once a body")});
+    return false;
+  };
+  if (named.empty()) {
+    for (const v1::Body& body : scene.bodies()) {
+      if (body.kind() != v1::BODY_KIND_RIGID && !claim(body.name(), path)) return;
+    }
+    return;
+  }
+  std::map<std::string, bool> rigid;
+  for (const v1::Body& body : scene.bodies())
+    rigid[body.name()] = body.kind() == v1::BODY_KIND_RIGID;
+  for (int i = 0; i < named.size(); ++i) {
+    const std::string where = IndexPath(path + ".bodies", i);
+    const auto found = rigid.find(named[i]);
+    if (found == rigid.end()) continue;  // reported as an unknown name
+    if (found->second) {
+      problems->push_back({where, absl::StrCat("body ", Quoted(named[i]),
+                                               " is rigid; permitted: deformable bodies")});
+    }
+    claim(named[i], where);
+  }
+}
+
+void CheckEffects(const v1::Scene& scene, Problems* problems) {
+  std::map<std::string, int> shape_memory, volume_preservation;  // effect that acts on each body
+  int adhesive = -1;
+  for (int i = 0; i < scene.effects_size(); ++i) {
+    const v1::Effect& effect = scene.effects(i);
+    const std::string path = IndexPath("effects", i);
+    if (effect.has_shape_memory()) {
+      ClaimBodies(scene, effect.shape_memory().bodies(), path + ".shape_memory", &shape_memory, i,
+                  problems);
+    } else if (effect.has_volume_preservation()) {
+      ClaimBodies(scene, effect.volume_preservation().bodies(), path + ".volume_preservation",
+                  &volume_preservation, i, problems);
+    } else if (effect.has_virtual_adhesive()) {
+      if (adhesive >= 0) {
+        problems->push_back(
+            {path + ".virtual_adhesive",
+             absl::StrCat("is already in the scene as effects[", adhesive, "]; permitted: one")});
+      }
+      adhesive = i;
+      CheckAdhesive(effect.virtual_adhesive(), path + ".virtual_adhesive", problems);
+    }
+  }
+}
+
+}  // namespace
+
+void CheckSceneRules(const v1::Scene& scene, Problems* problems) {
+  if (scene.bodies().empty())
+    problems->push_back({"bodies", "the scene has no body; needed: at least one"});
+  CheckUniqueNames(scene.bodies(), "bodies", problems);
+  CheckUniqueNames(scene.tools(), "tools", problems);
+  for (int i = 0; i < scene.bodies_size(); ++i) {
+    for (int j = 0; j < scene.bodies(i).fixed_size(); ++j) {
+      CheckRegion(scene.bodies(i).fixed(j), IndexPath(IndexPath("bodies", i) + ".fixed", j),
+                  problems);
+    }
+  }
+  for (int i = 0; i < scene.tools_size(); ++i)
+    CheckTool(scene.tools(i), IndexPath("tools", i), problems);
+  CheckEffects(scene, problems);
+}
+
+}  // namespace adhesim
