@@ -45,6 +45,11 @@ ShapeMemoryEffect::ShapeMemoryEffect(const Model& model, const v1::ShapeMemory& 
 
 void ShapeMemoryEffect::AddCluster(const Model& model, int particle) {
   const int begin = cluster_start_.back();
+  bool moves = !model.fixed[particle];
+  for (int n = model.neighbour_start[particle]; n < model.neighbour_start[particle + 1]; ++n) {
+    moves = moves || !model.fixed[model.neighbours[n]];
+  }
+  if (!moves) return;
   member_.push_back(particle);
   for (int n = model.neighbour_start[particle]; n < model.neighbour_start[particle + 1]; ++n) {
     member_.push_back(model.neighbours[n]);
@@ -104,13 +109,17 @@ double ShapeMemoryEffect::AddForces(const ForceInput& in, const ForceOutput& out
 void ShapeMemoryEffect::EvaluateCluster(int c, const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const int averaged = centre_form_ ? begin + 1 : begin;
-  Vec3 mean = Vec3::Zero();
-  for (int e = averaged; e < end; ++e) mean += in.position_m[member_[e]];
-  mean /= std::max(1, end - averaged);
-  // A = sum (x_j - C) q_j^T; a common factor does not change its rotation.
+  // About the cluster's own particle: near the origin of nothing in particular, so that no digits are lost. The offsets
+  // sum to zero, so that A = sum (x_j - C) q_j^T needs no mean; a common factor does not change its rotation.
+  const Vec3 origin = in.position_m[member_[begin]];
+  Vec3 sum = Vec3::Zero();
   Mat3 a = Mat3::Zero();
-  for (int e = averaged; e < end; ++e)
-    a += (in.position_m[member_[e]] - mean) * rest_offset_[e].transpose();
+  for (int e = averaged; e < end; ++e) {
+    const Vec3 r = in.position_m[member_[e]] - origin;
+    sum += r;
+    for (int k = 0; k < 3; ++k) a.col(k) += r * rest_offset_[e](k);
+  }
+  const Vec3 mean = origin + sum / std::max(1, end - averaged);
   Eigen::Map<Quat> stored(&in.effect_state[4 * c]);
   const Quat rotation = PolarRotation(a, Quat(stored));
   stored = rotation;
