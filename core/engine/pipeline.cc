@@ -126,7 +126,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
   }
   if (changes > 0) {
     zone_builder_->Rebuild(&state_.contacts, &report_);
-    solver_->Capture(&state_);
+    solver_->Capture(&state_, tool_impulse_);
   }
   clock_.Lap(zones_stage_);
 }
@@ -217,7 +217,7 @@ void Pipeline::Solve(double dt_s) {
     report_.releases += released;
     zone_builder_->Rebuild(&state_.contacts, &report_);
     // Letting go changes no velocity; this only renews the zones' own momenta.
-    solver_->Capture(&state_);
+    solver_->Capture(&state_, tool_impulse_);
   }
 }
 

@@ -68,7 +68,7 @@ void BookElastic(double elastic_j, State* state) {
 
 // An orthogonal projection in the metric of the masses: T' - T = -1/2 |v' - v|_M^2 plus the work of
 // tools, whose impulse on a member is m (v' - v) less what the constraints gave it.
-void BookCapture(const Model& model, const SubspaceSolver& solver, State* state) {
+void BookCapture(const Model& model, const SubspaceSolver& solver, State* state, std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
   const std::span<const Vec3> after = solver.kicked_velocity_m_s();
   double twice_loss = 0;
@@ -96,6 +96,8 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state)
     state->momentum.impulse_linear += got.impulse;
     state->momentum.impulse_angular += group.pivot_m.cross(got.impulse) + got.moment;
     if (group.driven()) {
+      tool_impulse[zone.tool].force_n -= got.impulse;
+      tool_impulse[zone.tool].torque_nm -= got.moment;
       tool_work +=
           got.impulse.dot(group.twist.linear_m_s) + got.moment.dot(group.twist.angular_rad_s);
     }

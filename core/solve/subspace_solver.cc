@@ -50,7 +50,7 @@ void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool
   }
 }
 
-void SubspaceSolver::Capture(State* state) {
+void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   for (std::size_t t = 0; t < old_twist_.size(); ++t) old_twist_[t] = state->tools[t].twist;
   BuildGroups(*state, old_twist_);
   for (int p = 0; p < model_.particle_count(); ++p) {
@@ -73,7 +73,7 @@ void SubspaceSolver::Capture(State* state) {
     AddMultipliers(change_);
   }
   KickAll(*state);
-  BookCapture(model_, *this, state);
+  BookCapture(model_, *this, state, tool_impulse);
   state->velocity_m_s = kicked_m_s_;
   for (std::size_t z = 0; z < groups_.size(); ++z) {
     Zone& zone = state->contacts.zones[z];

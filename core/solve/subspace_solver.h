@@ -24,7 +24,8 @@ class SubspaceSolver {
 
   // Projects the velocities onto what zones that have just changed, and the constraints, permit: a
   // perfectly plastic impact. Books it in the ledgers.
-  void Capture(State* state);
+  // Adds to each tool [#tools] the impulse of the tissue on it, about its tip.
+  void Capture(State* state, std::span<Wrench> tool_impulse);
 
   // Tries a sub-step of `dt_s` under `force_n` [#particles]; `tool_twist` [#tools] about the tips.
   void Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,

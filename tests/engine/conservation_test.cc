@@ -1,7 +1,8 @@
 #include <gtest/gtest.h>
 
+#include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
-#include "tests/support/measure.h"
+#include "tests/support/sample_scenes.h"
 
 namespace adhesim::test {
 namespace {

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "tests/support/engine_fixture.h"
-#include "tests/support/measure.h"
+#include "tests/support/sample_scenes.h"
 
 namespace {
 
@@ -77,6 +77,20 @@ TEST(Step, AllocatesNothing) {
   }
   EXPECT_EQ(allocations - before, 0);
   EXPECT_GT(engine->state().contacts.next_zone_id, 5);  // contact did happen
+}
+
+TEST(Step, AllocatesNothingWithAToolInContact) {
+  auto engine = EngineOf(NeedleScene(kPressAndPull));
+  Frame frame = engine->MakeFrame();
+  const long before = allocations;
+  int most = 0;
+  for (int k = 0; k < 1200; ++k) {
+    engine->Step({});
+    engine->WriteFrame(&frame);
+    most = std::max(most, frame.tools[0].colliding_particles);
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GE(most, 3);
 }
 
 TEST(Step, FreezesOnANonFiniteStateAndSaysSo) {

@@ -40,7 +40,8 @@ effects:
 )");
   EXPECT_EQ(StepMany(engine.get(), 2000), 0u);
   for (int p = 0; p < engine->model().particle_count(); ++p) {
-    EXPECT_LT((engine->state().position_m[p] - engine->model().rest_position_m[p]).norm(), 1e-14);
+    // Nothing holds the bodies: 2000 steps of round-off forces let them drift.
+    EXPECT_LT((engine->state().position_m[p] - engine->model().rest_position_m[p]).norm(), 1e-13);
   }
   EXPECT_EQ(engine->state().contacts.bonds.size(), 0u);
 }

@@ -3,8 +3,9 @@
 #include <set>
 
 #include "core/contact/penetration.h"
+#include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
-#include "tests/support/measure.h"
+#include "tests/support/sample_scenes.h"
 
 namespace adhesim::test {
 namespace {
