@@ -178,7 +178,8 @@ TEST(BuildModel, RefusesARegionWithoutParticles) {
 
 TEST(BuildModel, RefusesMoreParticlesThanFit) {
   ExpectProblem(R"(bodies { name: "cell" icosphere { radius_m: 1 } mass_kg: 1 }
-      bodies { name: "sheet" sheet { length_m: 1 width_m: 1 columns: 1000 rows: 1000 } mass_kg: 1 })",
+      bodies { name: "sheet" mass_kg: 1
+               sheet { length_m: 1 width_m: 1 columns: 1000 rows: 1000 } })",
                 "bodies[1].sheet", "1000042 particles; at most 1000000");
 }
 
