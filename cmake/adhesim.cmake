@@ -5,7 +5,10 @@ target_include_directories(adhesim_options INTERFACE ${PROJECT_SOURCE_DIR})
 # Same bits on every machine: no contraction into fused multiply-adds, no fast-math, no -march.
 target_compile_options(adhesim_options INTERFACE -Wall -Wextra -Wno-unused-parameter -ffp-contract=off)
 if(ADHESIM_SANITIZE)
-  target_compile_options(adhesim_options INTERFACE -fsanitize=${ADHESIM_SANITIZE} -fno-omit-frame-pointer)
+  # A finding ends the test, so that it cannot pass unread. The standard library checks its own indices, too.
+  target_compile_options(adhesim_options INTERFACE -fsanitize=${ADHESIM_SANITIZE} -fno-sanitize-recover=all
+                         -fno-omit-frame-pointer)
+  target_compile_definitions(adhesim_options INTERFACE _GLIBCXX_ASSERTIONS)
   target_link_options(adhesim_options INTERFACE -fsanitize=${ADHESIM_SANITIZE})
 endif()
 
@@ -26,12 +29,29 @@ function(adhesim_library name)
   endif()
 endfunction()
 
-# adhesim_test(NAME SOURCES file... DEPS target...): one GoogleTest program, each TEST known to ctest by its name.
+# Everything that ctest needs, and no more: sanitizer builds compile only this.
+add_custom_target(adhesim_tests)
+
+# adhesim_test(NAME SOURCES file... DEPS target... [LABELS label...]): one GoogleTest program, each TEST known to ctest by
+# its name (behind the name of the build, when that has sanitizers). Label what uses threads "threads": the thread
+# sanitizer sees those tests, and no others.
 function(adhesim_test name)
-  cmake_parse_arguments(arg "" "" "SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(arg "" "" "SOURCES;DEPS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE adhesim_options ${arg_DEPS} GTest::gtest GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE ADHESIM_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  set(prefix "")
+  if(ADHESIM_SANITIZE STREQUAL "thread")
+    if(NOT "threads" IN_LIST arg_LABELS)
+      set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+      return()
+    endif()
+    set(prefix "tsan:")
+  elseif(ADHESIM_SANITIZE)
+    set(prefix "asan-ubsan:")
+  endif()
+  add_dependencies(adhesim_tests ${name})
   include(GoogleTest)
-  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
+  gtest_discover_tests(${name} TEST_PREFIX "${prefix}" DISCOVERY_TIMEOUT 60
+                       PROPERTIES TIMEOUT 600 LABELS "${arg_LABELS}")
 endfunction()

@@ -22,7 +22,7 @@ enum ToolFlag : std::uint32_t {
   kToolSpeedLimited = 1u << 0,     // held back by max_speed_m_s
   kToolForceLimited = 1u << 1,     // held back by max_force_n or max_torque_nm
   kToolObstructed = 1u << 2,       // stopped by a fixed obstacle or another tool
-  kToolTargetJumped = 1u << 3,     // the target moved further in this step than max_speed_m_s allows
+  kToolTargetJumped = 1u << 3,     // the target moved further in this step than the tool goes in 0.1 s
   kToolOperatorLost = 1u << 4,     // set by the session: no pose for a while
   kToolRetracted = 1u << 5,        // out of contact by command
 };
@@ -39,7 +39,7 @@ struct ZoneFrame {
 
 // Bits of StepReport::bits; each says which limit to raise.
 enum StepBit : std::uint32_t {
-  kStepNonFinite = 1u << 0,          // state became non-finite: the engine is frozen, nothing is published
+  kStepNonFinite = 1u << 0,          // the state became non-finite: the engine is frozen, nothing is published
   kStepBondCapacity = 1u << 1,       // more contacts than the engine reserved
   kStepReleasePasses = 1u << 2,      // releases continued into the next step
   kStepVolumeNotMet = 1u << 3,       // the volume iteration did not converge

@@ -15,14 +15,15 @@ struct Bond {
   std::int32_t triangle = -1;              // the triangle on the other side
   std::array<std::int32_t, 3> vertices{};  // its particles that are members, -1 where let go or of negligible weight
   std::array<double, 3> weights{};         // barycentric coordinates of the contact point
-  std::int8_t side = 1;                    // +1: the particle (or tool) is on the outer side of the triangle
+  std::int8_t side = 1;                    // +1: the particle is on the side that the triangle's normal points to
+  std::int8_t gap_sign = 1;                // -1: the particle was inside a closed body when captured
   bool sticky = true;                      // false: no strength (a tool's bare shaft)
   Vec3 tool_normal = Vec3::Zero();         // tool bonds: unit, from tool to tissue, in the tool's frame
 };
 
 // A pair that let go and may not stick again before it has been further apart than d_off or is pressed closer.
 struct ReleasedPair {
-  std::int32_t particle = -1;   // or the triangle's number, for a tool's pair
+  std::int32_t particle = -1;
   std::int32_t other = -1;      // body, or -1 - tool
   double gap_m = 0;             // when it let go
 };
@@ -50,6 +51,7 @@ struct Contacts {
   std::vector<std::int32_t> zone_members;      // [sum of counts] particles, ascending within a zone
   std::vector<std::int32_t> zone_of;           // [#particles] index into `zones`, or -1
   std::int32_t next_zone_id = 0;
+  std::int32_t colliding_particles = 0;        // different particles among the bonds
 };
 
 struct ToolState {
@@ -72,7 +74,6 @@ struct Ledger {
   double volume_j = 0;           // work of the volume constraint's impulses (second order in dt)
   double numerical_j = 0;        // -(change of elastic energy + elastic work): lost by the time integration
   double correction_j = 0;       // gained by position corrections
-  double constraint_j = 0;       // work of free zones and pins (round-off)
   double elastic_j = 0;          // elastic energy when last evaluated
   double elastic_work_j = 0;     // of elastic forces since then
   double kinetic_j = 0;          // kinetic energy when last summed

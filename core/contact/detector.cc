@@ -1,0 +1,236 @@
+#include "core/contact/detector.h"
+
+#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
+#include <fcl/geometry/shape/box.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace adhesim {
+namespace {
+
+constexpr int kGrain = 256;                    // groups: about 50 us of work
+constexpr int kCandidatesPerParticle = 64;
+
+// Angle between two vectors, good to 1e-3 rad, by arithmetic alone (pseudonormals need weights, not exact angles).
+double Angle(const Vec3& u, const Vec3& v) {
+  const double denominator = std::sqrt(u.squaredNorm() * v.squaredNorm()) + u.dot(v);
+  const double t = u.cross(v).norm();
+  if (!(denominator > 0)) return M_PI;
+  // 2 atan(t / denominator); atan(x) = pi/4 x + 0.273 x (1 - x) on [0, 1].
+  const bool steep = t > denominator;
+  const double x = steep ? denominator / t : t / denominator;
+  const double atan = M_PI_4 * x + 0.273 * x * (1 - x);
+  return 2 * (steep ? M_PI_2 - atan : atan);
+}
+
+}  // namespace
+
+struct Detector::Broad {
+  fcl::DynamicAABBTreeCollisionManagerd manager;
+  std::vector<std::shared_ptr<fcl::Boxd>> boxes;
+  std::vector<std::unique_ptr<fcl::CollisionObjectd>> objects;
+  std::vector<std::pair<int, int>> pairs;   // bodies whose boxes overlap, first < second, ascending
+};
+
+Detector::Detector(const Model& model, double reach_m)
+    : model_(model), reach_m_(reach_m), skin_m_(reach_m), broad_(std::make_unique<Broad>()) {
+  for (const Body& body : model.bodies) trees_.emplace_back(model, body);
+
+  across_.assign(model.triangles.size(), {-1, -1, -1});
+  std::map<std::pair<int, int>, std::pair<int, int>> half_edges;
+  for (int t = 0; t < static_cast<int>(model.triangles.size()); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const int u = model.triangles[t][k], v = model.triangles[t][(k + 1) % 3];
+      if (const auto it = half_edges.find({v, u}); it != half_edges.end()) {
+        across_[t][k] = it->second.first;
+        across_[it->second.first][it->second.second] = t;
+      }
+      half_edges[{u, v}] = {t, k};
+    }
+  }
+
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    broad_->boxes.push_back(std::make_shared<fcl::Boxd>(1, 1, 1));
+    broad_->objects.push_back(std::make_unique<fcl::CollisionObjectd>(broad_->boxes.back()));
+    broad_->objects.back()->setUserData(reinterpret_cast<void*>(b));
+    broad_->manager.registerObject(broad_->objects.back().get());
+  }
+  broad_->manager.setup();
+  broad_->pairs.reserve(16 * model.bodies.size() + 64);
+  groups_.reserve(8 * model.rest_position_m.size() + 64);
+  candidate_.reserve(kCandidatesPerParticle * model.rest_position_m.size() + 4096);
+  evaluated_.reserve(groups_.capacity());
+  near_.reserve(groups_.capacity());
+  listed_position_m_.reserve(model.rest_position_m.size());
+}
+
+Detector::~Detector() = default;
+
+void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report) {
+  if (!listed_position_m_.empty()) {
+    double moved_sq = 0;
+    for (std::size_t p = 0; p < position_m.size(); ++p) {
+      moved_sq = std::max(moved_sq, (position_m[p] - listed_position_m_[p]).squaredNorm());
+    }
+    moved_m_ = std::sqrt(moved_sq);
+    if (moved_m_ <= 0.5 * skin_m_) return;
+  }
+  Rebuild(position_m, report);
+}
+
+void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
+  listed_position_m_.assign(position_m.begin(), position_m.end());
+  moved_m_ = 0;
+  groups_.clear();
+  candidate_.clear();
+  // Trees and boxes grown by half the skin hold until the list is renewed.
+  const double half = 0.5 * (reach_m_ + skin_m_);
+  for (std::size_t b = 0; b < trees_.size(); ++b) {
+    trees_[b].Refit(position_m, 0.5 * skin_m_);
+    const Aabb box = trees_[b].bounds().Grown(half);
+    fcl::CollisionObjectd& object = *broad_->objects[b];
+    broad_->boxes[b]->side = box.max - box.min;
+    broad_->boxes[b]->computeLocalAABB();
+    object.setTranslation(0.5 * (box.min + box.max));
+    object.computeAABB();
+  }
+  broad_->manager.update();
+  broad_->pairs.clear();
+  broad_->manager.collide(broad_.get(), [](fcl::CollisionObjectd* first, fcl::CollisionObjectd* second, void* data) {
+    Broad& broad = *static_cast<Broad*>(data);
+    const int a = static_cast<int>(reinterpret_cast<std::intptr_t>(first->getUserData()));
+    const int b = static_cast<int>(reinterpret_cast<std::intptr_t>(second->getUserData()));
+    if (broad.pairs.size() < broad.pairs.capacity()) broad.pairs.emplace_back(std::min(a, b), std::max(a, b));
+    return false;
+  });
+  if (broad_->pairs.size() == broad_->pairs.capacity()) report->bits |= kStepCandidateCapacity;
+  std::sort(broad_->pairs.begin(), broad_->pairs.end());
+  for (const auto& [a, b] : broad_->pairs) {
+    if (model_.bodies[a].all_fixed && model_.bodies[b].all_fixed) continue;
+    AddGroups(a, b, position_m, report);
+    AddGroups(b, a, position_m, report);
+  }
+  std::sort(groups_.begin(), groups_.end(), [](const Group& g, const Group& h) {
+    return g.particle != h.particle ? g.particle < h.particle : g.body < h.body;
+  });
+}
+
+// Particles of body a near triangles of body b.
+void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report) {
+  const Body& body = model_.bodies[a];
+  const double within = reach_m_ + skin_m_;
+  const Aabb box = trees_[b].bounds().Grown(within);
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    const Vec3& x = position_m[p];
+    if (!box.Contains(x)) continue;
+    Group group{p, b, static_cast<int>(candidate_.size()), 0, 0};
+    double nearest_sq = within * within;
+    trees_[b].Query(Aabb{x, x}.Grown(within), [&](int t) {
+      const Triangle& tri = model_.triangles[t];
+      const double distance_sq =
+          ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]]).distance_sq_m2;
+      if (distance_sq > within * within) return;
+      if (candidate_.size() == candidate_.capacity()) {
+        report->bits |= kStepCandidateCapacity;
+        return;
+      }
+      candidate_.push_back(t);
+      nearest_sq = std::min(nearest_sq, distance_sq);
+    });
+    group.count = static_cast<int>(candidate_.size()) - group.first;
+    if (group.count == 0) continue;
+    if (groups_.size() == groups_.capacity()) {
+      report->bits |= kStepCandidateCapacity;
+      return;
+    }
+    std::sort(candidate_.end() - group.count, candidate_.end());
+    group.distance_m = std::sqrt(nearest_sq);
+    groups_.push_back(group);
+  }
+}
+
+std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Parallel* parallel) {
+  evaluated_.resize(groups_.size());
+  parallel->For(static_cast<int>(groups_.size()), kGrain, [&](int begin, int end) {
+    for (int g = begin; g < end; ++g) {
+      // Neither side has moved more than moved_m_, so the pair cannot be nearer than this.
+      if (groups_[g].distance_m - 2 * moved_m_ > reach_m_) {
+        evaluated_[g].particle = -1;
+      } else {
+        evaluated_[g] = Evaluate(groups_[g], position_m);
+      }
+    }
+  });
+  near_.clear();
+  for (const NearPair& pair : evaluated_) {
+    if (pair.particle >= 0 && std::abs(pair.gap_m) <= reach_m_) near_.push_back(pair);
+  }
+  return near_;
+}
+
+NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m) const {
+  const Vec3& x = position_m[group.particle];
+  ClosestPoint best{Vec3::Zero(), ClosestPoint::kFace, std::numeric_limits<double>::infinity()};
+  int triangle = -1;
+  for (int k = group.first; k < group.first + group.count; ++k) {
+    const Triangle& tri = model_.triangles[candidate_[k]];
+    const ClosestPoint point =
+        ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]]);
+    if (point.distance_sq_m2 < best.distance_sq_m2) {
+      best = point;
+      triangle = candidate_[k];
+    }
+  }
+  const Triangle& tri = model_.triangles[triangle];
+  const Vec3 nearest = best.weights(0) * position_m[tri[0]] + best.weights(1) * position_m[tri[1]] +
+                       best.weights(2) * position_m[tri[2]];
+  const Vec3 offset = x - nearest;
+  const Vec3 outward = Pseudonormal(triangle, best.feature, position_m);
+  const double distance = offset.norm();
+  const bool outside = offset.dot(outward) >= 0;
+  NearPair pair{group.particle, group.body, triangle, best.weights, outward, distance, 1};
+  if (model_.bodies[group.body].closed) {
+    if (!outside) pair.gap_m = -distance;
+    if (distance > 0) pair.normal = offset / (outside ? distance : -distance);
+  } else {
+    pair.side = outside ? 1 : -1;
+    pair.normal = distance > 0 ? Vec3(offset / distance) : Vec3(outward * pair.side);
+  }
+  return pair;
+}
+
+// The normal whose sign tells inside from outside at the nearest feature: of the face, the sum of both faces at an
+// edge, the angle-weighted sum at a corner (Baerentzen and Aanaes 2005).
+Vec3 Detector::Pseudonormal(int triangle, ClosestPoint::Feature feature, std::span<const Vec3> position_m) const {
+  const auto face_normal = [&](int t) -> Vec3 {
+    const Triangle& tri = model_.triangles[t];
+    const Vec3 a = position_m[tri[0]];
+    const Vec3 n = (position_m[tri[1]] - a).cross(position_m[tri[2]] - a);
+    const double length = n.norm();
+    return length > 0 ? Vec3(n / length) : Vec3::Zero();
+  };
+  Vec3 sum = Vec3::Zero();
+  if (feature >= ClosestPoint::kCorner0) {
+    const int corner = model_.triangles[triangle][feature - ClosestPoint::kCorner0];
+    for (int k = model_.incident_start[corner]; k < model_.incident_start[corner + 1]; ++k) {
+      const int t = model_.incident[k];
+      const Triangle& tri = model_.triangles[t];
+      const int at = tri[0] == corner ? 0 : tri[1] == corner ? 1 : 2;
+      const Vec3 u = position_m[tri[(at + 1) % 3]] - position_m[corner];
+      const Vec3 v = position_m[tri[(at + 2) % 3]] - position_m[corner];
+      sum += Angle(u, v) * face_normal(t);
+    }
+  } else {
+    sum = face_normal(triangle);
+    if (feature != ClosestPoint::kFace) {
+      const int other = across_[triangle][feature - ClosestPoint::kEdge0];
+      if (other >= 0) sum += face_normal(other);
+    }
+  }
+  const double length = sum.norm();
+  return length > 0 ? Vec3(sum / length) : Vec3::UnitZ();
+}
+
+}  // namespace adhesim

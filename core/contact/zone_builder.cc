@@ -1,0 +1,188 @@
+#include "core/contact/zone_builder.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace adhesim {
+
+ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
+  const std::size_t nodes = model.rest_position_m.size() + model.bodies.size() + model.tools.size();
+  parent_.resize(nodes);
+  prescriber_.resize(nodes);
+  zone_at_root_.resize(nodes);
+  member_.resize(model.rest_position_m.size());
+  old_zone_of_.resize(model.rest_position_m.size());
+  for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_}) array->reserve(model.rest_position_m.size());
+}
+
+void ZoneBuilder::Reserve(const Model& model, Contacts* contacts) {
+  const std::size_t n = model.rest_position_m.size();
+  contacts->bonds.reserve(4 * n + 64);
+  contacts->released.reserve(4 * n + 64);
+  contacts->zones.reserve(n);
+  contacts->zone_members.reserve(n);
+  contacts->zone_of.assign(n, -1);
+}
+
+int ZoneBuilder::Find(int node) {
+  while (parent_[node] != node) {
+    parent_[node] = parent_[parent_[node]];
+    node = parent_[node];
+  }
+  return node;
+}
+
+bool ZoneBuilder::Unite(int a, int b) {
+  a = Find(a);
+  b = Find(b);
+  if (a == b) return true;
+  const int pa = prescriber_[a], pb = prescriber_[b];
+  if (pa != kNobody && pb != kNobody && pa != pb) return false;
+  // The lower node becomes the root, so that the result does not depend on the order of unions.
+  if (b < a) std::swap(a, b);
+  parent_[b] = a;
+  prescriber_[a] = pa != kNobody ? pa : pb;
+  return true;
+}
+
+void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
+  std::iota(parent_.begin(), parent_.end(), 0);
+  std::fill(prescriber_.begin(), prescriber_.end(), kNobody);
+  std::fill(member_.begin(), member_.end(), 0);
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (model_.fixed[p]) prescriber_[p] = kGround;
+  }
+  for (int t = 0; t < static_cast<int>(model_.tools.size()); ++t) prescriber_[ToolNode(t)] = t;
+  UniteRigidBodies();
+  UniteBonds(contacts, report);
+  UniteMeshEdges();
+  old_zone_of_ = contacts->zone_of;
+  old_id_.clear();
+  for (const Zone& zone : contacts->zones) old_id_.push_back(zone.id);
+  CollectZones(contacts);
+  KeepIds(contacts);
+}
+
+void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
+  for (Bond& bond : contacts->bonds) {
+    const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
+    for (std::int32_t& v : bond.vertices) {
+      if (v < 0) continue;
+      if (Unite(anchor, v)) {
+        member_[v] = 1;
+      } else {
+        v = -1;
+        report->bits |= kStepZoneSplitForced;
+      }
+    }
+  }
+  std::erase_if(contacts->bonds, [](const Bond& bond) {
+    return bond.vertices[0] < 0 && bond.vertices[1] < 0 && bond.vertices[2] < 0;
+  });
+  for (const Bond& bond : contacts->bonds) {
+    if (bond.particle >= 0) member_[bond.particle] = 1;
+  }
+  contacts->colliding_particles = static_cast<int>(std::count(member_.begin(), member_.end(), 1));
+}
+
+void ZoneBuilder::UniteRigidBodies() {
+  for (int b = 0; b < static_cast<int>(model_.bodies.size()); ++b) {
+    const Body& body = model_.bodies[b];
+    if (!body.rigid || body.all_fixed) continue;
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) Unite(p, BodyNode(b));
+  }
+}
+
+void ZoneBuilder::UniteMeshEdges() {
+  for (const Body& body : model_.bodies) {
+    if (!body.rigid || body.all_fixed) continue;
+    std::fill_n(member_.begin() + body.first_particle, body.particle_count, 1);
+  }
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (!member_[p]) continue;
+    for (int k = model_.neighbour_start[p]; k < model_.neighbour_start[p + 1]; ++k) {
+      const int q = model_.neighbours[k];
+      // Neighbours that different tools hold stay apart: that is how a tissue is pulled two ways.
+      if (q > p && member_[q]) Unite(p, q);
+    }
+  }
+}
+
+void ZoneBuilder::CollectZones(Contacts* contacts) {
+  std::fill(zone_at_root_.begin(), zone_at_root_.end(), -1);
+  contacts->zones.clear();
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    contacts->zone_of[p] = -1;
+    if (!member_[p]) continue;
+    int& zone_index = zone_at_root_[Find(p)];
+    if (zone_index < 0) {
+      zone_index = static_cast<int>(contacts->zones.size());
+      contacts->zones.emplace_back();
+      const int prescriber = prescriber_[Find(p)];
+      contacts->zones.back().tool = prescriber >= 0 ? prescriber : -1;
+    }
+    contacts->zone_of[p] = zone_index;
+    Zone& zone = contacts->zones[zone_index];
+    ++zone.count;
+    zone.pins += model_.fixed[p];
+    const int b = model_.body_of[p];
+    if (model_.bodies[b].rigid && zone.rigid_body < 0) zone.rigid_body = b;
+  }
+  int first = 0;
+  for (Zone& zone : contacts->zones) {
+    zone.first = first;
+    first += zone.count;
+    zone.count = 0;
+  }
+  contacts->zone_members.resize(first);
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (contacts->zone_of[p] < 0) continue;
+    Zone& zone = contacts->zones[contacts->zone_of[p]];
+    contacts->zone_members[zone.first + zone.count++] = p;
+  }
+  for (Zone& zone : contacts->zones) {
+    // Members are ascending, and so are their bodies.
+    int last = -1;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int body = model_.body_of[contacts->zone_members[k]];
+      zone.bodies += body != last;
+      last = body;
+    }
+  }
+}
+
+void ZoneBuilder::KeepIds(Contacts* contacts) {
+  const int old_count = static_cast<int>(old_id_.size());
+  shared_.assign(old_count, 0);
+  heir_.assign(old_count, -1);
+  heir_shared_.assign(old_count, 0);
+  // Each new zone claims the old zone it shares most members with (the lowest number, if several)...
+  for (int z = 0; z < static_cast<int>(contacts->zones.size()); ++z) {
+    const Zone& zone = contacts->zones[z];
+    int best = -1;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int old = old_zone_of_[contacts->zone_members[k]];
+      if (old < 0) continue;
+      const int count = ++shared_[old];
+      if (best < 0 || count > shared_[best] || (count == shared_[best] && old_id_[old] < old_id_[best])) best = old;
+    }
+    const int best_count = best >= 0 ? shared_[best] : 0;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      if (const int old = old_zone_of_[contacts->zone_members[k]]; old >= 0) shared_[old] = 0;
+    }
+    // ... and the claimant with the most gets it (the first, if several).
+    if (best >= 0 && best_count > heir_shared_[best]) {
+      heir_[best] = z;
+      heir_shared_[best] = best_count;
+    }
+  }
+  for (Zone& zone : contacts->zones) zone.id = -1;
+  for (int old = 0; old < old_count; ++old) {
+    if (heir_[old] >= 0) contacts->zones[heir_[old]].id = old_id_[old];
+  }
+  for (Zone& zone : contacts->zones) {
+    if (zone.id < 0) zone.id = contacts->next_zone_id++;
+  }
+}
+
+}  // namespace adhesim

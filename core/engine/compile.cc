@@ -1,0 +1,144 @@
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/engine/pipeline.h"
+
+namespace adhesim {
+
+absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const Model> model,
+                                                          const Options& options) {
+  if (options.threads < 1 || options.threads > 64) {
+    return absl::InvalidArgumentError(absl::StrCat("threads: ", options.threads, " (permitted: 1 to 64)"));
+  }
+  std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options.threads));
+  if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
+  if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
+  if (absl::Status status = pipeline->CompileTools(); !status.ok()) return status;
+  pipeline->NameStages();
+  pipeline->MakeStartState();
+  return pipeline;
+}
+
+absl::Status Pipeline::CompileEffects() {
+  unsigned kinds = 0;
+  int state_size = 0;
+  std::vector<const Effect*> constraints;
+  for (const v1::Effect& message : model_->scene.effects()) {
+    if (message.has_virtual_adhesive()) continue;   // contact, not a force: below
+    absl::StatusOr<std::unique_ptr<Effect>> effect = MakeEffect(*model_, message);
+    if (!effect.ok()) return effect.status();
+    kinds |= (*effect)->force_kinds();
+    effect_state_first_.push_back(state_size);
+    state_size += (*effect)->state_size();
+    if (!(*effect)->constraints().empty()) constraints.push_back(effect->get());
+    effects_.push_back(*std::move(effect));
+  }
+  const std::size_t n = model_->rest_position_m.size();
+  for (int kind = 0; kind < kForceKinds; ++kind) {
+    if (kinds & (1u << kind)) force_n_[kind].assign(n, Vec3::Zero());
+  }
+  total_force_n_.assign(n, Vec3::Zero());
+  solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
+  zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
+  if (model_->adhesive) {
+    adhesive_ = std::make_unique<Adhesive>(*model_);
+    detector_ = std::make_unique<Detector>(
+        *model_, std::max(model_->adhesive->capture_distance_m, model_->adhesive->release_distance_m));
+  }
+  start_.effect_state.assign(state_size, 0);
+  return absl::OkStatus();
+}
+
+// Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of the row sums.
+absl::Status Pipeline::ChooseSubsteps() {
+  std::vector<double> stiffness(model_->rest_position_m.size(), 0), damping(stiffness.size(), 0);
+  for (const auto& effect : effects_) effect->AddBounds(stiffness, damping);
+  double largest_dt_s = std::numeric_limits<double>::infinity();
+  for (std::size_t p = 0; p < stiffness.size(); ++p) {
+    if (model_->fixed[p]) continue;
+    const double w_sq = stiffness[p] / model_->mass_kg[p], d = damping[p] / model_->mass_kg[p];
+    if (w_sq > 0) {
+      largest_dt_s = std::min(largest_dt_s, (std::sqrt(d * d + 4 * w_sq) - d) / w_sq);
+    } else if (d > 0) {
+      largest_dt_s = std::min(largest_dt_s, 2 / d);
+    }
+  }
+  const double wanted = std::ceil(model_->dt_s / (model_->stability_fraction * largest_dt_s));
+  if (!(wanted <= model_->max_substeps)) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "an explicit step of ", model_->dt_s, " s needs ", wanted, " sub-steps to be stable; max_substeps permits ",
+        model_->max_substeps, " (raise rate_hz or max_substeps, or lower stiffness_n_m)"));
+  }
+  substeps_ = std::max(1, static_cast<int>(wanted));
+  return absl::OkStatus();
+}
+
+absl::Status Pipeline::CompileTools() {
+  const std::size_t tools = model_->tools.size();
+  if (tools == 0) return absl::OkStatus();
+  std::vector<ToolSet::Obstacle> obstacles;
+  std::vector<std::vector<Triangle>> local;   // triangles numbered from the body's first particle
+  for (const Body& body : model_->bodies) {
+    if (!body.all_fixed) continue;
+    std::vector<Triangle>& triangles = local.emplace_back();
+    for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
+      Triangle triangle = model_->triangles[t];
+      for (std::int32_t& p : triangle) p -= body.first_particle;
+      triangles.push_back(triangle);
+    }
+    obstacles.push_back(
+        {std::span(model_->rest_position_m).subspan(body.first_particle, body.particle_count), triangles});
+  }
+  absl::StatusOr<std::unique_ptr<ToolSet>> set = ToolSet::Create(model_->tools, obstacles);
+  if (!set.ok()) return set.status();
+  tool_set_ = *std::move(set);
+  tools_can_collide_ = tools > 1 || !obstacles.empty();
+  if (adhesive_) tool_contacts_ = std::make_unique<ToolContacts>(*model_, *tool_set_);
+  tool_twist_.resize(tools);
+  tool_pose_.resize(tools);
+  tool_impulse_.resize(tools);
+  coupling_impulse_.resize(tools);
+  strength_scale_.assign(tools, 1);
+  retracted_.assign(tools, 0);
+  return absl::OkStatus();
+}
+
+void Pipeline::NameStages() {
+  if (detector_) {
+    detect_stage_ = clock_.Add("detect", "effects: virtual_adhesive");
+    zones_stage_ = clock_.Add("zones", "effects: virtual_adhesive");
+  }
+  bool rows = false;
+  for (const auto& effect : effects_) {
+    const bool forces = effect->force_kinds() != 0;
+    effect_stage_.push_back(forces ? clock_.Add(std::string(effect->name()), absl::StrCat("effects: ", effect->name()))
+                                   : -1);
+    rows = rows || !effect->constraints().empty();
+  }
+  if (tool_set_) tools_stage_ = clock_.Add("tools", "tools");
+  solve_stage_ = clock_.Add("solve", rows ? "bodies, effects: volume_preservation" : "bodies");
+  book_stage_ = clock_.Add("book", "energy and momentum ledgers");
+}
+
+void Pipeline::MakeStartState() {
+  start_.position_m = model_->rest_position_m;
+  start_.velocity_m_s = model_->initial_velocity_m_s;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    effects_[e]->InitialState(
+        std::span(start_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()));
+  }
+  for (const ToolModel& tool : model_->tools) {
+    ToolState& state = start_.tools.emplace_back();
+    state.pose = state.target = tool.start;
+  }
+  ZoneBuilder::Reserve(*model_, &start_.contacts);
+  zone_builder_->Rebuild(&start_.contacts, &report_);
+  OpenLedgers(*model_, &start_);
+  // Capacities first: copies have only their size.
+  ZoneBuilder::Reserve(*model_, &state_.contacts);
+  Restore(start_);
+}
+
+}  // namespace adhesim

@@ -1,0 +1,340 @@
+#include "core/engine/pipeline.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace adhesim {
+namespace {
+
+constexpr int kReleasePasses = 8;       // releases of one sub-step; the rest waits for the next
+constexpr double kJumpSeconds = 0.1;    // a target further than the tool goes in this time has jumped
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Engine>> Engine::Create(std::shared_ptr<const Model> model, const Options& options) {
+  return Pipeline::Compile(std::move(model), options);
+}
+
+StepReport Pipeline::Step(std::span<const ToolInput> tools) {
+  if (frozen_) return {kStepNonFinite, 0, 0};
+  clock_.BeginStep();
+  report_ = {};
+  SetTargets(tools);
+  const int substeps = SubstepsNow(tools);
+  const double dt_s = model_->dt_s / substeps;
+  std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
+  std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
+  for (int k = 0; k < substeps; ++k) Substep(dt_s);
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    const double per_s = 1 / model_->dt_s;
+    state_.tools[t].tissue = {tool_impulse_[t].force_n * per_s, tool_impulse_[t].torque_nm * per_s};
+    state_.tools[t].coupling = {coupling_impulse_[t].force_n * per_s, coupling_impulse_[t].torque_nm * per_s};
+  }
+  ++state_.step;
+  state_.time_s = static_cast<double>(state_.step) * model_->dt_s;
+  if (!Finite()) {
+    frozen_ = true;
+    report_.bits |= kStepNonFinite;
+  }
+  clock_.Lap(book_stage_);
+  clock_.EndStep();
+  return report_;
+}
+
+void Pipeline::SetTargets(std::span<const ToolInput> tools) {
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    ToolState& tool = state_.tools[t];
+    const ToolModel& model = model_->tools[t];
+    const ToolInput input = t < tools.size() ? tools[t] : ToolInput{};
+    tool.flags = 0;
+    strength_scale_[t] = input.strength_scale;
+    retracted_[t] = input.retracted;
+    if (input.retracted) tool.flags |= kToolRetracted;
+    const Vec3 before = tool.target.position_m;
+    if (input.has_target) {
+      tool.target = input.target;
+    } else if (!model.trajectory.empty()) {
+      tool.target = PoseAt(model.trajectory, state_.time_s + model_->dt_s);
+    }
+    if ((tool.target.position_m - before).norm() > kJumpSeconds * model.coupling.max_speed_m_s) {
+      tool.flags |= kToolTargetJumped;
+    }
+  }
+}
+
+// At least what the elastic stability bound needs, and so many that nothing crosses half a capture distance in one.
+int Pipeline::SubstepsNow(std::span<const ToolInput>) {
+  if (!detector_) return substeps_;
+  double particle_sq = 0;
+  for (const Vec3& v : state_.velocity_m_s) particle_sq = std::max(particle_sq, v.squaredNorm());
+  double tool_speed = 0;
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    const ToolState& tool = state_.tools[t];
+    const double away = (tool.target.position_m - tool.pose.position_m).norm() / model_->dt_s;
+    tool_speed = std::max(tool_speed, std::min(model_->tools[t].coupling.max_speed_m_s,
+                                               tool.twist.linear_m_s.norm() + away));
+  }
+  const double particle_speed = std::sqrt(particle_sq);
+  const double closing = particle_speed + std::max(particle_speed, tool_speed);
+  const double wanted = closing * model_->dt_s / (0.5 * model_->adhesive->capture_distance_m);
+  if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
+  const double bounded = std::min(wanted, static_cast<double>(model_->max_substeps));
+  return std::max(substeps_, static_cast<int>(std::ceil(bounded)));
+}
+
+void Pipeline::Substep(double dt_s) {
+  if (detector_) DetectAndCapture(dt_s);
+  EvaluateForces();
+  if (tool_set_) {
+    MoveTools(dt_s);
+    clock_.Lap(tools_stage_);
+  }
+  Solve(dt_s);
+  clock_.Lap(solve_stage_);
+  BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_, tool_twist_,
+           dt_s, &state_, tool_impulse_);
+  solver_->Accept(&state_);
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    ToolState& tool = state_.tools[t];
+    tool.twist = tool_twist_[t];
+    tool.pose.position_m += dt_s * tool.twist.linear_m_s;
+    tool.pose.orientation = (RotationStep(tool.twist.angular_rad_s, dt_s) * tool.pose.orientation).normalized();
+  }
+  clock_.Lap(book_stage_);
+}
+
+void Pipeline::DetectAndCapture(double dt_s) {
+  detector_->Update(state_.position_m, &parallel_, &report_);
+  const std::span<const NearPair> near = detector_->Find(state_.position_m, &parallel_);
+  clock_.Lap(detect_stage_);
+  int changes = adhesive_->Capture(near, state_, dt_s, &state_.contacts, &report_);
+  if (tool_contacts_) {
+    for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+      if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
+    }
+    changes += adhesive_->CaptureByTools(tool_contacts_->Find(state_, *detector_, retracted_, dt_s), state_,
+                                         &state_.contacts, &report_);
+  }
+  if (changes > 0) {
+    zone_builder_->Rebuild(&state_.contacts, &report_);
+    solver_->Capture(&state_);
+  }
+  clock_.Lap(zones_stage_);
+}
+
+void Pipeline::EvaluateForces() {
+  for (auto& force : force_n_) std::fill(force.begin(), force.end(), Vec3::Zero());
+  const ForceOutput out{force_n_[0], force_n_[1], force_n_[2], force_n_[3]};
+  double elastic_j = 0;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    if (effects_[e]->force_kinds() == 0) continue;
+    const ForceInput in{state_.position_m, state_.velocity_m_s, state_.time_s,
+                        std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
+                        &parallel_};
+    elastic_j += effects_[e]->AddForces(in, out);
+    clock_.Lap(effect_stage_[e]);
+  }
+  BookElastic(elastic_j, &state_);
+  std::fill(total_force_n_.begin(), total_force_n_.end(), Vec3::Zero());
+  for (const auto& force : force_n_) {
+    for (std::size_t p = 0; p < force.size(); ++p) total_force_n_[p] += force[p];
+  }
+}
+
+void Pipeline::MoveTools(double dt_s) {
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    ToolState& tool = state_.tools[t];
+    // What the tool carries: the inertia of its zone, and the forces on it.
+    Mat6 inertia = ToolInertia(model_->tools[t], tool.pose);
+    Wrench applied;
+    for (const Zone& zone : state_.contacts.zones) {
+      if (zone.tool != static_cast<int>(t)) continue;
+      for (int k = zone.first; k < zone.first + zone.count; ++k) {
+        const int p = state_.contacts.zone_members[k];
+        const Vec3 r = state_.position_m[p] - tool.pose.position_m;
+        const Mat3 cross = CrossMatrix(r);
+        const double m = model_->mass_kg[p];
+        inertia.topLeftCorner<3, 3>() += m * Mat3::Identity();
+        inertia.topRightCorner<3, 3>() -= m * cross;
+        inertia.bottomLeftCorner<3, 3>() += m * cross;
+        inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
+        applied.force_n += total_force_n_[p];
+        applied.torque_nm += r.cross(total_force_n_[p]);
+      }
+    }
+    const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist, tool.target, inertia,
+                                               applied, dt_s);
+    if (result.force_limited) tool.flags |= kToolForceLimited;
+    if (result.speed_limited) tool.flags |= kToolSpeedLimited;
+    coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
+    coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
+    tool_twist_[t] = tools_can_collide_ ? Unobstructed(static_cast<int>(t), result.twist, dt_s) : result.twist;
+  }
+}
+
+// The twist without the part that would drive the tool into an obstacle or another tool.
+Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
+  ToolState& tool = state_.tools[t];
+  for (std::size_t k = 0; k < state_.tools.size(); ++k) tool_pose_[k] = state_.tools[k].pose;
+  Vec3 normal;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const double fraction = tool_set_->Sweep(t, tool.pose, Advance(tool.pose, twist, dt_s), tool_pose_, &normal);
+    if (fraction >= 1) return twist;
+    tool.flags |= kToolObstructed;
+    const double into = twist.linear_m_s.dot(normal);
+    if (attempt == 0 && into < 0) {
+      twist.linear_m_s -= (1 - fraction) * into * normal;   // slide along it
+    } else {
+      twist = {twist.linear_m_s * fraction, twist.angular_rad_s * fraction};
+    }
+  }
+  return {};
+}
+
+void Pipeline::Solve(double dt_s) {
+  for (int pass = 0;; ++pass) {
+    solver_->Try(state_, total_force_n_, tool_twist_, dt_s, &parallel_, &report_);
+    if (!adhesive_) return;
+    if (pass == kReleasePasses) {
+      report_.bits |= kStepReleasePasses;
+      return;
+    }
+    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_, &state_.contacts);
+    if (released == 0) return;
+    report_.releases += released;
+    zone_builder_->Rebuild(&state_.contacts, &report_);
+    // Letting go changes no velocity; this only renews the zones' own momenta.
+    solver_->Capture(&state_);
+  }
+}
+
+bool Pipeline::Finite() const {
+  double sum = state_.ledger.kinetic_j;
+  for (const Vec3& x : state_.position_m) sum += x.sum();
+  for (const ToolState& tool : state_.tools) sum += tool.pose.position_m.sum() + tool.tissue.force_n.sum();
+  return std::isfinite(sum);
+}
+
+void Pipeline::Restore(const State& state) {
+  state_ = state;
+  frozen_ = false;
+}
+
+double Pipeline::MechanicalEnergy() const {
+  // On copies: forces are evaluated for their energy only.
+  std::array<std::vector<Vec3>, kForceKinds> force;
+  for (int kind = 0; kind < kForceKinds; ++kind) force[kind].assign(force_n_[kind].size(), Vec3::Zero());
+  std::vector<double> effect_state = state_.effect_state;
+  const ForceOutput out{force[0], force[1], force[2], force[3]};
+  return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, out);
+}
+
+double Pipeline::SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const {
+  double elastic_j = 0;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    const ForceInput in{state_.position_m, state_.velocity_m_s, state_.time_s,
+                        effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()), &parallel_};
+    elastic_j += effects_[e]->AddForces(in, out);
+  }
+  return elastic_j;
+}
+
+Frame Pipeline::MakeFrame() const {
+  Frame frame;
+  frame.position_m.resize(3 * model_->rest_position_m.size());
+  frame.zone_of.resize(model_->rest_position_m.size());
+  frame.zones.reserve(model_->rest_position_m.size());
+  frame.tools.resize(model_->tools.size());
+  WriteFrame(&frame);
+  return frame;
+}
+
+void Pipeline::WriteFrame(Frame* frame) const {
+  frame->step = state_.step;
+  frame->time_s = state_.time_s;
+  frame->report = report_;
+  frame->kinetic_energy_j = state_.ledger.kinetic_j;
+  frame->colliding_particles = state_.contacts.colliding_particles;
+  for (std::size_t p = 0; p < state_.position_m.size(); ++p) {
+    for (int k = 0; k < 3; ++k) frame->position_m[3 * p + k] = static_cast<float>(state_.position_m[p](k));
+    const int zone = state_.contacts.zone_of[p];
+    frame->zone_of[p] = zone >= 0 ? state_.contacts.zones[zone].id : -1;
+  }
+  frame->zones.clear();
+  for (ToolFrame& tool : frame->tools) tool.colliding_particles = 0;
+  for (const Zone& zone : state_.contacts.zones) {
+    frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
+    if (zone.tool >= 0) frame->tools[zone.tool].colliding_particles += zone.count;
+  }
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    const ToolState& tool = state_.tools[t];
+    ToolFrame& out = frame->tools[t];
+    out.pose = tool.pose;
+    out.target = tool.target;
+    out.twist = tool.twist;
+    out.tissue = tool.tissue;
+    out.coupling = tool.coupling;
+    out.flags = tool.flags;
+  }
+}
+
+namespace {
+
+// A 64-bit running hash of words (multiply and fold, as in wyhash).
+class Hasher {
+ public:
+  void Add(std::uint64_t word) {
+    const auto product = static_cast<unsigned __int128>(hash_ ^ word) * 0x9e3779b97f4a7c15ull;
+    hash_ = static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64) ^ (word << 1);
+  }
+  void Add(double value) { Add(std::bit_cast<std::uint64_t>(value)); }
+  void Add(const Vec3& v) {
+    for (int k = 0; k < 3; ++k) Add(v(k));
+  }
+  void Add(const Pose& pose) {
+    Add(pose.position_m);
+    for (int k = 0; k < 4; ++k) Add(pose.orientation.coeffs()(k));
+  }
+  std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0x243f6a8885a308d3ull;
+};
+
+}  // namespace
+
+std::uint64_t Pipeline::StateHash() const {
+  Hasher hash;
+  hash.Add(state_.step);
+  for (const Vec3& x : state_.position_m) hash.Add(x);
+  for (const Vec3& v : state_.velocity_m_s) hash.Add(v);
+  for (double value : state_.effect_state) hash.Add(value);
+  for (const Zone& zone : state_.contacts.zones) {
+    hash.Add(static_cast<std::uint64_t>(zone.id));
+    hash.Add(zone.momentum_kg_m_s);
+    hash.Add(zone.angular_momentum_kg_m2_s);
+  }
+  for (int zone : state_.contacts.zone_of) hash.Add(static_cast<std::uint64_t>(zone));
+  for (const Bond& bond : state_.contacts.bonds) {
+    for (int value : {bond.particle, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1], bond.vertices[2]}) {
+      hash.Add(static_cast<std::uint64_t>(value));
+    }
+  }
+  for (const ReleasedPair& pair : state_.contacts.released) {
+    hash.Add(static_cast<std::uint64_t>(pair.particle));
+    hash.Add(static_cast<std::uint64_t>(pair.other));
+    hash.Add(pair.gap_m);
+  }
+  for (const ToolState& tool : state_.tools) {
+    hash.Add(tool.pose);
+    hash.Add(tool.twist.linear_m_s);
+    hash.Add(tool.twist.angular_rad_s);
+    hash.Add(tool.target);
+  }
+  return hash.value();
+}
+
+}  // namespace adhesim

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/contact/adhesive.h"
+#include "core/contact/detector.h"
+#include "core/contact/zone_builder.h"
+#include "core/effects/registry.h"
+#include "core/engine/engine.h"
+#include "core/engine/stage_clock.h"
+#include "core/engine/tool_contacts.h"
+#include "core/solve/ledger.h"
+#include "core/solve/subspace_solver.h"
+#include "core/tools/coupling.h"
+#include "core/tools/tool_set.h"
+
+namespace adhesim {
+
+// The engine: a scene's effects compiled into stages. A sub-step is detect, zones, forces, tools, solve (which may let
+// go and try again), book, move. What a scene does not name is a null pointer or an empty array here.
+class Pipeline : public Engine {
+ public:
+  static absl::StatusOr<std::unique_ptr<Engine>> Compile(std::shared_ptr<const Model> model, const Options& options);
+
+  StepReport Step(std::span<const ToolInput> tools) override;
+  const Model& model() const override { return *model_; }
+  const State& state() const override { return state_; }
+  bool frozen() const override { return frozen_; }
+  int substeps() const override { return substeps_; }
+  void Reset() override { Restore(start_); }
+  void Restore(const State& state) override;
+  Frame MakeFrame() const override;
+  void WriteFrame(Frame* frame) const override;
+  std::uint64_t StateHash() const override;
+  double MechanicalEnergy() const override;
+  std::span<const Stage> stages() const override { return clock_.stages(); }
+  void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }
+
+ private:
+  Pipeline(std::shared_ptr<const Model> model, int threads) : model_(std::move(model)), parallel_(threads) {}
+  absl::Status CompileEffects();
+  absl::Status CompileTools();
+  absl::Status ChooseSubsteps();
+  void NameStages();
+  void MakeStartState();
+
+  int SubstepsNow(std::span<const ToolInput> tools);
+  void SetTargets(std::span<const ToolInput> tools);
+  void Substep(double dt_s);
+  void DetectAndCapture(double dt_s);
+  void EvaluateForces();
+  double SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const;
+  void MoveTools(double dt_s);
+  Twist Unobstructed(int tool, Twist twist, double dt_s);
+  void Solve(double dt_s);
+  bool Finite() const;
+
+  std::shared_ptr<const Model> model_;
+  mutable Parallel parallel_;
+  State state_, start_;
+  bool frozen_ = false;
+  int substeps_ = 1;
+  StepReport report_;
+
+  std::vector<std::unique_ptr<Effect>> effects_;
+  std::vector<int> effect_state_first_;           // [#effects] into State::effect_state
+  std::unique_ptr<Detector> detector_;            // null without contact
+  std::unique_ptr<Adhesive> adhesive_;
+  std::unique_ptr<ZoneBuilder> zone_builder_;
+  std::unique_ptr<ToolSet> tool_set_;             // null without tools
+  std::unique_ptr<ToolContacts> tool_contacts_;
+  std::unique_ptr<SubspaceSolver> solver_;
+  bool tools_can_collide_ = false;                // obstacles, or more than one tool
+
+  // Scratch.
+  std::array<std::vector<Vec3>, kForceKinds> force_n_;   // [#particles] each; empty: no effect adds that kind
+  std::vector<Vec3> total_force_n_;                      // [#particles]
+  std::vector<Twist> tool_twist_;                        // [#tools] for the coming sub-step
+  std::vector<Pose> tool_pose_;                          // [#tools]
+  std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
+  std::vector<double> strength_scale_;                   // [#tools]
+  std::vector<std::uint8_t> retracted_;                  // [#tools]
+
+  StageClock clock_;
+  std::vector<int> effect_stage_;                        // [#effects]
+  int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, book_stage_ = 0;
+};
+
+}  // namespace adhesim

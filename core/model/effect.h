@@ -1,0 +1,75 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+
+#include "core/model/model.h"
+#include "core/model/parallel.h"
+
+namespace adhesim {
+
+// Kinds of force, apart because the energy and momentum ledgers book them apart.
+enum ForceKind : unsigned {
+  kElastic = 1u << 0,  // minus the gradient of an energy; sums to zero force and torque
+  kDamping = 1u << 1,  // internal friction; sums to zero force and torque, takes energy
+  kField = 1u << 2,    // from outside; its work is external work
+  kDrag = 1u << 3,     // from outside, against velocity; takes energy
+};
+inline constexpr int kForceKinds = 4;
+
+// What forces depend on. Particle arrays are [#particles].
+struct ForceInput {
+  std::span<const Vec3> position_m;
+  std::span<const Vec3> velocity_m_s;
+  double time_s;
+  std::span<double> effect_state;  // this effect's own part of State::effect_state
+  Parallel* parallel;
+};
+
+// Where forces go: N, [#particles], already zero before the first effect adds to them. Only the arrays of the kinds
+// that an effect declares may be touched.
+struct ForceOutput {
+  std::span<Vec3> elastic;
+  std::span<Vec3> damping;
+  std::span<Vec3> field;
+  std::span<Vec3> drag;
+};
+
+// A constraint row: a function of the particles [first, first + count), kept at zero. Rows of a scene do not overlap.
+struct ConstraintRow {
+  int first = 0;
+  int count = 0;
+  double scale = 1;  // a residual of this size is a relative error of 1
+};
+
+// Something that acts on bodies. Made once from its message; const afterwards: what evolves is in State.
+//
+// An author overrides either the force part or the constraint part; masses, integration, zones, ledgers, snapshots and
+// threads are the engine's.
+class Effect {
+ public:
+  virtual ~Effect() = default;
+  // The name of its field in the scene's Effect message.
+  virtual std::string_view name() const = 0;
+
+  // --- Forces.
+  // ForceKind bits that AddForces writes.
+  virtual unsigned force_kinds() const { return 0; }
+  // Adds its forces and returns its elastic energy, J. Allocates nothing.
+  virtual double AddForces(const ForceInput& in, const ForceOutput& out) const { return 0; }
+  // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N s/m]: the explicit
+  // stability bound comes from them.
+  virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}
+  // Numbers of State::effect_state that it keeps, and their values at the start.
+  virtual int state_size() const { return 0; }
+  virtual void InitialState(std::span<double> state) const {}
+
+  // --- Constraints.
+  virtual std::span<const ConstraintRow> constraints() const { return {}; }
+  // One residual a row.
+  virtual void ConstraintResiduals(std::span<const Vec3> position_m, std::span<double> residual) const {}
+  // The rows' gradients, each written into its particles of [#particles].
+  virtual void ConstraintGradients(std::span<const Vec3> position_m, std::span<Vec3> gradient) const {}
+};
+
+}  // namespace adhesim

@@ -1,0 +1,228 @@
+#include "core/scene/build_model.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "core/scene/field_value.h"
+#include "core/scene/mesh/check_mesh.h"
+#include "core/scene/mesh/generate.h"
+#include "core/scene/mesh/topology.h"
+#include "core/scene/place_body.h"
+
+namespace adhesim {
+namespace {
+
+// Beyond this a scene takes minutes per simulated second; the limit keeps a slip of the keyboard (a
+// sheet of a thousand by a thousand, a hundred times) from exhausting the machine's memory.
+constexpr int kMaxParticles = 2'000'000;
+
+bool HasError(const Problems& problems) {
+  return std::any_of(problems.begin(), problems.end(), [](const Problem& p) { return !p.warning; });
+}
+
+// The surface of a body in its shape's own coordinates, and the field that names it.
+struct Surface {
+  TriangleMesh mesh;
+  std::string field;  // within the body: "mesh.file"
+};
+
+// The body's surface, or nothing and a problem.
+std::optional<Surface> MakeSurface(const v1::Body& body, const std::string& directory,
+                                   const std::string& path, Problems* problems) {
+  switch (body.shape_case()) {
+    case v1::Body::kIcosphere:
+      return Surface{MakeIcosphere(body.icosphere().radius_m(),
+                                   static_cast<int>(NumberOf(body.icosphere(), "subdivisions"))),
+                     "icosphere"};
+    case v1::Body::kSheet:
+      return Surface{MakeSheet(body.sheet().length_m(), body.sheet().width_m(),
+                               static_cast<int>(body.sheet().columns()),
+                               static_cast<int>(body.sheet().rows())),
+                     "sheet"};
+    case v1::Body::kBlock:
+      return Surface{MakeBlock(Vec3Of(body.block(), "size_m"),
+                               static_cast<int>(NumberOf(body.block(), "cells"))),
+                     "block"};
+    default:
+      problems->push_back({path, "this shape cannot be made yet"});
+      return std::nullopt;
+  }
+}
+
+void BuildBody(const v1::Body& body, int index, const std::string& directory, Model* model,
+               Problems* problems) {
+  const std::string path = absl::StrCat("bodies[", index, "]");
+  const std::optional<Surface> surface = MakeSurface(body, directory, path, problems);
+  if (!surface) return;
+  const std::string surface_path = absl::StrCat(path, ".", surface->field);
+  Problems found;
+  for (MeshFlaw& flaw : CheckMesh(surface->mesh).flaws) {
+    found.push_back({surface_path, std::move(flaw.message), flaw.warning});
+  }
+  const auto particles = model->particle_count() + surface->mesh.vertices.size();
+  if (particles > kMaxParticles) {
+    found.push_back(
+        {surface_path, absl::StrCat("brings the scene to ", particles, " particles; at most ",
+                                    kMaxParticles, " are permitted")});
+  }
+  if (!HasError(found)) PlaceBody(body, surface->mesh, path, model, &found);
+  problems->insert(problems->end(), found.begin(), found.end());
+}
+
+ToolShape ShapeOf(const v1::Tool& tool) {
+  if (tool.has_lancet()) {
+    const v1::Lancet& lancet = tool.lancet();
+    return LancetShape{NumberOf(lancet, "blade_length_m"), NumberOf(lancet, "blade_width_m"),
+                       NumberOf(lancet, "blade_thickness_m"), NumberOf(lancet, "handle_length_m"),
+                       NumberOf(lancet, "handle_radius_m")};
+  }
+  const v1::Needle& needle = tool.needle();
+  return NeedleShape{NumberOf(needle, "length_m"), NumberOf(needle, "radius_m"),
+                     NumberOf(needle, "tip_length_m")};
+}
+
+CouplingParameters CouplingOf(const v1::VirtualCoupling& coupling) {
+  CouplingParameters parameters;
+  parameters.stiffness_n_m = NumberOf(coupling, "stiffness_n_m");
+  parameters.angular_stiffness_nm_rad = NumberOf(coupling, "angular_stiffness_nm_rad");
+  parameters.mass_kg = NumberOf(coupling, "mass_kg");
+  parameters.max_force_n = NumberOf(coupling, "max_force_n");
+  parameters.max_torque_nm = NumberOf(coupling, "max_torque_nm");
+  parameters.max_speed_m_s = NumberOf(coupling, "max_speed_m_s");
+  return parameters;
+}
+
+// The orientation in a field; identity and a problem when its numbers give none.
+Quat OrientationOf(const google::protobuf::Message& message, const std::string& path,
+                   Problems* problems) {
+  const std::optional<Quat> orientation = QuatOf(message, "orientation_wxyz");
+  if (!orientation) {
+    problems->push_back({absl::StrCat(path, ".orientation_wxyz"),
+                         "a quaternion w, x, y, z of length 0 is no orientation"});
+  }
+  return orientation.value_or(Quat::Identity());
+}
+
+void BuildTrajectory(const v1::Tool& tool, const std::string& path, ToolModel* built,
+                     Problems* problems) {
+  for (int i = 0; i < tool.trajectory_size(); ++i) {
+    const v1::Waypoint& waypoint = tool.trajectory(i);
+    const std::string waypoint_path = absl::StrCat(path, ".trajectory[", i, "]");
+    TimedPose timed{waypoint.t_s(), {Vec3Of(waypoint, "position_m"), built->start.orientation}};
+    if (waypoint.orientation_wxyz_size() > 0) {
+      timed.pose.orientation = OrientationOf(waypoint, waypoint_path, problems);
+    }
+    if (i > 0 && !(timed.t_s > built->trajectory.back().t_s)) {
+      problems->push_back({absl::StrCat(waypoint_path, ".t_s"),
+                           absl::StrCat(timed.t_s, " s is not after the waypoint before it (",
+                                        built->trajectory.back().t_s, " s)")});
+    }
+    built->trajectory.push_back(timed);
+  }
+}
+
+ToolModel BuildTool(const v1::Tool& tool, const std::string& path, Problems* problems) {
+  ToolModel built;
+  built.name = tool.name();
+  built.shape = ShapeOf(tool);
+  if (const auto* needle = std::get_if<NeedleShape>(&built.shape);
+      needle != nullptr && needle->tip_length_m > needle->length_m) {
+    problems->push_back({absl::StrCat(path, ".needle.tip_length_m"),
+                         absl::StrCat(needle->tip_length_m, " m is longer than the needle (",
+                                      needle->length_m, " m)")});
+  }
+  built.start = {Vec3Of(tool, "position_m"), OrientationOf(tool, path, problems)};
+  built.coupling = CouplingOf(tool.coupling());
+  if (tool.has_adhesion()) {
+    const v1::ToolAdhesion& adhesion = tool.adhesion();
+    built.strength.normal_pa = adhesion.normal_strength_pa();
+    built.strength.shear_pa = adhesion.has_shear_strength_pa() ? adhesion.shear_strength_pa()
+                                                               : adhesion.normal_strength_pa();
+    if (adhesion.has_sticky_length_m()) built.sticky_length_m = adhesion.sticky_length_m();
+  }
+  BuildTrajectory(tool, path, &built, problems);
+  return built;
+}
+
+AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
+                                 Problems* problems) {
+  AdhesiveParameters built;
+  built.capture_distance_m = adhesive.capture_distance_m();
+  built.release_distance_m = adhesive.has_release_distance_m() ? adhesive.release_distance_m()
+                                                               : 1.5 * built.capture_distance_m;
+  if (!(built.release_distance_m > built.capture_distance_m)) {
+    problems->push_back(
+        {absl::StrCat(path, ".release_distance_m"),
+         absl::StrCat(built.release_distance_m, " m must be greater than capture_distance_m (",
+                      built.capture_distance_m, " m)")});
+  }
+  // A strength that is not written is infinite, except that shear follows normal.
+  if (adhesive.has_normal_strength_pa()) {
+    built.strength.normal_pa = built.strength.shear_pa = adhesive.normal_strength_pa();
+  }
+  if (adhesive.has_shear_strength_pa()) built.strength.shear_pa = adhesive.shear_strength_pa();
+  if (adhesive.has_kappa_adh_m()) {
+    built.kappa = KappaStrength{adhesive.kappa_adh_m(), NumberOf(adhesive, "dt_ref_s")};
+    if (adhesive.has_normal_strength_pa() || adhesive.has_shear_strength_pa()) {
+      problems->push_back({absl::StrCat(path, ".kappa_adh_m"),
+                           "the strength is given twice: write either kappa_adh_m or "
+                           "normal_strength_pa and shear_strength_pa"});
+    }
+  }
+  return built;
+}
+
+void BuildEffects(const v1::Scene& scene, Model* model, Problems* problems) {
+  for (int i = 0; i < scene.effects_size(); ++i) {
+    if (!scene.effects(i).has_virtual_adhesive()) continue;
+    const std::string path = absl::StrCat("effects[", i, "].virtual_adhesive");
+    if (model->adhesive) {
+      problems->push_back({path, "a scene has at most one virtual adhesive"});
+      continue;
+    }
+    model->adhesive = BuildAdhesive(scene.effects(i).virtual_adhesive(), path, problems);
+  }
+}
+
+void BuildConnectivity(Model* model) {
+  const int n = model->particle_count();
+  IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
+  model->neighbour_start = std::move(neighbours.start);
+  model->neighbours = std::move(neighbours.values);
+  IndexLists incident = IncidentTriangles(model->triangles, n);
+  model->incident_start = std::move(incident.start);
+  model->incident = std::move(incident.values);
+}
+
+}  // namespace
+
+BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
+  BuiltModel built;
+  auto model = std::make_shared<Model>();
+  model->name = scene.name();
+  model->dt_s = 1.0 / NumberOf(scene, "rate_hz");
+  model->stability_fraction = NumberOf(scene.integration(), "stability_fraction");
+  model->max_substeps = static_cast<int>(NumberOf(scene.integration(), "max_substeps"));
+  model->seed =
+      scene.has_seed() ? scene.seed() : static_cast<std::uint64_t>(NumberOf(scene, "seed"));
+  for (int i = 0; i < scene.bodies_size(); ++i) {
+    BuildBody(scene.bodies(i), i, directory, model.get(), &built.problems);
+  }
+  for (int i = 0; i < scene.tools_size(); ++i) {
+    model->tools.push_back(
+        BuildTool(scene.tools(i), absl::StrCat("tools[", i, "]"), &built.problems));
+  }
+  BuildEffects(scene, model.get(), &built.problems);
+  if (HasError(built.problems)) return built;
+  BuildConnectivity(model.get());
+  model->scene = scene;
+  built.model = std::move(model);
+  return built;
+}
+
+}  // namespace adhesim

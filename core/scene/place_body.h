@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+#include "adhesim/v1/scene.pb.h"
+#include "core/model/model.h"
+#include "core/scene/problem.h"
+
+namespace adhesim {
+
+// Rotation about x, then y, then z (fixed axes). Multiples of 90 degrees are exact, and no libm
+// function is called: the same bits on every machine.
+Mat3 RotationFromDegrees(const Vec3& degrees);
+
+// Appends a body with this surface (checked; in the shape's own coordinates) to the model: places
+// it, spreads its mass, marks its fixed particles, sets its velocity. Connectivity lists are not
+// touched. Problems are about fields of `body`; `path` is the body's own ("bodies[1]").
+void PlaceBody(const v1::Body& body, const TriangleMesh& mesh, const std::string& path,
+               Model* model, Problems* problems);
+
+}  // namespace adhesim

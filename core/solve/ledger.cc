@@ -1,0 +1,188 @@
+#include "core/solve/ledger.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/solve/subspace_solver.h"
+
+namespace adhesim {
+namespace {
+
+double KineticEnergy(const Model& model, std::span<const Vec3> velocity_m_s) {
+  double twice = 0;
+  for (int p = 0; p < model.particle_count(); ++p) twice += model.mass_kg[p] * velocity_m_s[p].squaredNorm();
+  return 0.5 * twice;
+}
+
+void UpdateScales(const Model& model, State* state) {
+  double linear = 0, angular = 0;
+  for (int p = 0; p < model.particle_count(); ++p) {
+    const double momentum = model.mass_kg[p] * state->velocity_m_s[p].norm();
+    linear += momentum;
+    angular += state->position_m[p].norm() * momentum;
+  }
+  state->momentum.scale_linear = std::max(state->momentum.scale_linear, linear);
+  state->momentum.scale_angular = std::max(state->momentum.scale_angular, angular);
+}
+
+// Impulse and moment (about a point) that a zone's members got beyond the forces on them.
+struct Held {
+  Vec3 impulse = Vec3::Zero();
+  Vec3 moment = Vec3::Zero();
+};
+
+// Change of kinetic energy when a driven group turns under a constant twist: its centre and its inertia turn with it.
+double DrivenTurn(const RigidGroup& group) {
+  const Vec3 r = group.centre_m - group.pivot_m;
+  const Vec3& w = group.twist.angular_rad_s;
+  const Mat3 turned = group.rotation * group.inertia * group.rotation.transpose();
+  return group.mass_kg * group.twist.linear_m_s.dot(w.cross(group.rotation * r - r)) +
+         0.5 * w.dot((turned - group.inertia) * w);
+}
+
+}  // namespace
+
+void OpenLedgers(const Model& model, State* state) {
+  state->ledger = {};
+  state->momentum = {};
+  state->ledger.kinetic_j = KineticEnergy(model, state->velocity_m_s);
+  for (int p = 0; p < model.particle_count(); ++p) {
+    const Vec3 momentum = model.mass_kg[p] * state->velocity_m_s[p];
+    state->momentum.initial_linear += momentum;
+    state->momentum.initial_angular += state->position_m[p].cross(momentum);
+  }
+  UpdateScales(model, state);
+}
+
+void BookElastic(double elastic_j, State* state) {
+  Ledger& ledger = state->ledger;
+  if (ledger.reference_j == 0 && state->step == 0) ledger.initial_j = ledger.kinetic_j + elastic_j;
+  ledger.numerical_j -= elastic_j - ledger.elastic_j + ledger.elastic_work_j;
+  if (ledger.reference_j == 0 && state->step == 0) ledger.numerical_j = 0;
+  ledger.elastic_j = elastic_j;
+  ledger.elastic_work_j = 0;
+  ledger.reference_j = std::max(ledger.reference_j, ledger.kinetic_j + elastic_j);
+}
+
+double CaptureBooked(const Ledger& ledger) { return ledger.tool_work_j - ledger.captured_j; }
+
+void BookCapture(const Model& model, std::span<const std::int32_t> members, const RigidGroup& group,
+                 std::span<const Vec3> velocity_m_s, bool held, State* state) {
+  Ledger& ledger = state->ledger;
+  Held got;
+  Vec3 moment_origin = Vec3::Zero();
+  double twice_loss = 0;
+  for (int p : members) {
+    const Vec3 change = velocity_m_s[p] - state->velocity_m_s[p];
+    const Vec3 impulse = model.mass_kg[p] * change;
+    twice_loss += model.mass_kg[p] * change.squaredNorm();
+    got.impulse += impulse;
+    got.moment += (state->position_m[p] - group.pivot_m).cross(impulse);
+    moment_origin += state->position_m[p].cross(impulse);
+  }
+  ledger.captured_j += 0.5 * twice_loss;
+  if (group.driven()) {
+    const double work = got.impulse.dot(group.twist.linear_m_s) + got.moment.dot(group.twist.angular_rad_s);
+    ledger.tool_work_j += work;
+    ledger.abs_tool_j += std::abs(work);
+  }
+  if (held) {
+    state->momentum.impulse_linear += got.impulse;
+    state->momentum.impulse_angular += moment_origin;
+  }
+}
+
+void CloseCapture(const Model& model, double booked_j, State* state) {
+  Ledger& ledger = state->ledger;
+  const double kinetic = KineticEnergy(model, state->velocity_m_s);
+  const double expected = CaptureBooked(ledger) - booked_j;
+  ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));
+  ledger.kinetic_j = kinetic;
+}
+
+void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Vec3> total_force_n,
+              const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s, State* state,
+              std::span<Wrench> tool_impulse) {
+  Ledger& ledger = state->ledger;
+  MomentumLedger& momentum = state->momentum;
+  const std::span<const Vec3> x = state->position_m, v = state->velocity_m_s;
+  const std::span<const Vec3> kicked = solver.kicked_velocity_m_s();
+  const std::span<const Vec3> moved_x = solver.moved_position_m(), moved_v = solver.moved_velocity_m_s();
+  const int count = model.particle_count();
+
+  // Work of forces: dt f . (v + v') / 2.
+  std::array<double, kForceKinds> work{};
+  for (int kind = 0; kind < kForceKinds; ++kind) {
+    if (forces[kind].empty()) continue;
+    double twice = 0;
+    for (int p = 0; p < count; ++p) twice += forces[kind][p].dot(v[p] + kicked[p]);
+    work[kind] = 0.5 * dt_s * twice;
+    if ((1u << kind) & (kField | kDrag)) {
+      for (int p = 0; p < count; ++p) {
+        momentum.impulse_linear += dt_s * forces[kind][p];
+        momentum.impulse_angular += x[p].cross(Vec3(dt_s * forces[kind][p]));
+      }
+    }
+  }
+  const double elastic = work[0], damping = work[1], field = work[2], drag = work[3];
+  ledger.elastic_work_j += elastic;
+  ledger.viscous_j -= damping + drag;
+  ledger.external_work_j += field;
+  ledger.abs_external_j += std::abs(field);
+
+  // Impulses of the constraints, and what fixed particles outside zones take.
+  double volume = 0;
+  for (int p = 0; p < count; ++p) {
+    const Vec3 constraint = solver.ConstraintImpulse(p);
+    volume += 0.5 * constraint.dot(v[p] + kicked[p]);
+    if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+      const Vec3 impulse = -dt_s * total_force_n[p] - constraint;
+      momentum.impulse_linear += impulse;
+      momentum.impulse_angular += x[p].cross(impulse);
+    }
+  }
+  ledger.volume_j += volume;
+
+  // Zones: rotation of the free ones, tools' work, and what holds the held ones.
+  double tool_work = 0, rotation = 0;
+  for (std::size_t z = 0; z < state->contacts.zones.size(); ++z) {
+    const Zone& zone = state->contacts.zones[z];
+    const RigidGroup& group = solver.groups()[z];
+    if (group.freedom == RigidGroup::Freedom::kFree || group.freedom == RigidGroup::Freedom::kPoint) {
+      rotation += 0.5 * group.angular_momentum.dot(group.end_angular_rad_s - group.twist.angular_rad_s);
+    }
+    if (zone.pins == 0 && !group.driven()) continue;
+    Held kick, turn;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state->contacts.zone_members[k];
+      const double m = model.mass_kg[p];
+      const Vec3 applied = dt_s * total_force_n[p] + solver.ConstraintImpulse(p);
+      const Vec3 kicked_by = m * (kicked[p] - v[p]) - applied;
+      const Vec3 turned_by = m * (moved_v[p] - kicked[p]);
+      kick.impulse += kicked_by;
+      kick.moment += (x[p] - group.pivot_m).cross(kicked_by);
+      turn.impulse += turned_by;
+      turn.moment += (moved_x[p] - group.moved_pivot_m).cross(turned_by);
+      momentum.impulse_linear += kicked_by + turned_by;
+      momentum.impulse_angular += m * moved_x[p].cross(moved_v[p]) - m * x[p].cross(v[p]) - x[p].cross(applied);
+    }
+    if (!group.driven()) continue;
+    const Twist& before = state->tools[zone.tool].twist;
+    const Twist& after = tool_twist[zone.tool];
+    tool_work += 0.5 * kick.impulse.dot(before.linear_m_s + after.linear_m_s) +
+                 0.5 * kick.moment.dot(before.angular_rad_s + after.angular_rad_s) + DrivenTurn(group);
+    tool_impulse[zone.tool].force_n -= kick.impulse + turn.impulse;
+    tool_impulse[zone.tool].torque_nm -= kick.moment + turn.moment;
+  }
+  ledger.tool_work_j += tool_work;
+  ledger.abs_tool_j += std::abs(tool_work);
+  ledger.rotation_j += rotation;
+
+  const double kinetic = KineticEnergy(model, moved_v);
+  const double expected = elastic + damping + field + drag + volume + tool_work + rotation;
+  ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));
+  ledger.kinetic_j = kinetic;
+  UpdateScales(model, state);
+}
+
+}  // namespace adhesim

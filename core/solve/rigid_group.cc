@@ -1,0 +1,158 @@
+#include "core/solve/rigid_group.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace adhesim {
+namespace {
+
+// Directions of less inertia than this share of the total carry no motion that double precision can tell.
+constexpr double kRank = 1e-12;
+constexpr double kAnglePerSubRotation = 0.25;  // rad; Newton then converges in 3 to 5 iterations
+constexpr int kMaxSubRotations = 64;
+
+Mat3 PseudoInverse(const Mat3& inertia) {
+  const double trace = inertia.trace();
+  if (!(trace > 0)) return Mat3::Zero();
+  const Eigen::SelfAdjointEigenSolver<Mat3> eigen(inertia);
+  Mat3 inverse = Mat3::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const double value = eigen.eigenvalues()(k);
+    if (value > kRank * trace) {
+      inverse += eigen.eigenvectors().col(k) * eigen.eigenvectors().col(k).transpose() / value;
+    }
+  }
+  return inverse;
+}
+
+// One step of implicit midpoint for Pi' = Pi x I^-1 Pi; returns the midpoint's angular velocity.
+Vec3 MidpointAngularVelocity(const Mat3& inverse_inertia, double dt_s, Vec3* pi) {
+  const Vec3 start = *pi;
+  Vec3 end = start;
+  Vec3 omega = inverse_inertia * start;
+  for (int iteration = 0; iteration < 16; ++iteration) {
+    const Vec3 middle = 0.5 * (start + end);
+    omega = inverse_inertia * middle;
+    const Vec3 residual = end - start - dt_s * middle.cross(omega);
+    if (residual.squaredNorm() <= 1e-32 * start.squaredNorm()) break;
+    const Mat3 jacobian =
+        Mat3::Identity() - 0.5 * dt_s * (CrossMatrix(middle) * inverse_inertia - CrossMatrix(omega));
+    end -= jacobian.inverse() * residual;
+  }
+  *pi = end;
+  return omega;
+}
+
+}  // namespace
+
+Quat RotationStep(const Vec3& angular_rad_s, double dt_s) {
+  const Vec3 half = 0.5 * dt_s * angular_rad_s;
+  return Quat(1, half.x(), half.y(), half.z()).normalized();
+}
+
+RigidGroup RigidGroup::Of(std::span<const std::int32_t> members, std::span<const Vec3> position_m,
+                          std::span<const double> mass_kg, std::span<const std::uint8_t> fixed, const Pose* tool) {
+  RigidGroup group;
+  int pins = 0;
+  Vec3 pin_mean = Vec3::Zero();
+  // About the first member, so that far from the origin nothing is lost.
+  const Vec3 origin = position_m[members[0]];
+  for (int p : members) {
+    if (fixed[p]) {
+      ++pins;
+      pin_mean += position_m[p] - origin;
+    } else {
+      group.mass_kg += mass_kg[p];
+      group.centre_m += mass_kg[p] * (position_m[p] - origin);
+    }
+  }
+  group.centre_m = origin + (group.mass_kg > 0 ? Vec3(group.centre_m / group.mass_kg) : Vec3::Zero());
+  group.pivot_m = tool ? tool->position_m : pins > 0 ? Vec3(origin + pin_mean / pins) : group.centre_m;
+
+  Mat3 pin_spread = Mat3::Zero();
+  double extent_sq = 0;
+  for (int p : members) {
+    const Vec3 r = position_m[p] - group.pivot_m;
+    extent_sq = std::max(extent_sq, r.squaredNorm());
+    if (fixed[p]) {
+      pin_spread += r * r.transpose();
+    } else {
+      group.inertia += mass_kg[p] * (r.squaredNorm() * Mat3::Identity() - r * r.transpose());
+    }
+  }
+  if (tool) {
+    group.freedom = Freedom::kDriven;
+  } else if (pins == 0) {
+    group.inverse_inertia = PseudoInverse(group.inertia);
+  } else {
+    // Fixed particles at one point leave three rotations, on a line one, else none.
+    const Eigen::SelfAdjointEigenSolver<Mat3> spread(pin_spread);
+    const double tolerance = 1e-12 * extent_sq * pins;
+    if (spread.eigenvalues()(2) <= tolerance) {
+      group.freedom = Freedom::kPoint;
+      group.inverse_inertia = PseudoInverse(group.inertia);
+    } else if (spread.eigenvalues()(1) <= tolerance) {
+      group.freedom = Freedom::kAxis;
+      const Vec3 axis = spread.eigenvectors().col(2);
+      const double about_axis = axis.dot(group.inertia * axis);
+      if (about_axis > kRank * group.inertia.trace()) group.inverse_inertia = axis * axis.transpose() / about_axis;
+    } else {
+      group.freedom = Freedom::kLocked;
+    }
+  }
+  return group;
+}
+
+void RigidGroup::Project(std::span<const std::int32_t> members, std::span<const Vec3> position_m,
+                         std::span<const double> mass_kg, std::span<const Vec3> velocity_m_s) {
+  linear_momentum.setZero();
+  angular_momentum.setZero();
+  for (int p : members) {
+    const Vec3 momentum = mass_kg[p] * velocity_m_s[p];
+    linear_momentum += momentum;
+    angular_momentum += (position_m[p] - pivot_m).cross(momentum);
+  }
+  if (!driven()) twist = Response(linear_momentum, angular_momentum);
+}
+
+Twist RigidGroup::Response(const Vec3& impulse, const Vec3& moment) const {
+  switch (freedom) {
+    case Freedom::kFree:
+      return {impulse / mass_kg, inverse_inertia * moment};
+    case Freedom::kPoint:
+    case Freedom::kAxis:
+      return {Vec3::Zero(), inverse_inertia * moment};
+    case Freedom::kLocked:
+    case Freedom::kDriven:
+      break;
+  }
+  return {};
+}
+
+void RigidGroup::AddImpulse(const Vec3& impulse, const Vec3& moment) {
+  linear_momentum += impulse;
+  angular_momentum += moment;
+  if (!driven()) twist = Response(linear_momentum, angular_momentum);
+}
+
+void RigidGroup::Move(double dt_s) {
+  moved_pivot_m = pivot_m + dt_s * twist.linear_m_s;
+  end_angular_rad_s = twist.angular_rad_s;
+  if (freedom != Freedom::kFree && freedom != Freedom::kPoint) {
+    rotation = RotationStep(twist.angular_rad_s, dt_s).toRotationMatrix();
+    return;
+  }
+  // Body frame: the axes of the world at the start of the step.
+  const double angle = dt_s * twist.angular_rad_s.norm();
+  const int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1, kMaxSubRotations);
+  Vec3 pi = angular_momentum;
+  Quat turned = Quat::Identity();
+  for (int k = 0; k < parts; ++k) {
+    turned = turned * RotationStep(MidpointAngularVelocity(inverse_inertia, dt_s / parts, &pi), dt_s / parts);
+  }
+  rotation = turned.normalized().toRotationMatrix();
+  end_angular_rad_s = rotation * (inverse_inertia * (rotation.transpose() * angular_momentum));
+}
+
+}  // namespace adhesim

@@ -1,0 +1,263 @@
+#include "core/solve/subspace_solver.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/solve/ledger.h"
+
+namespace adhesim {
+namespace {
+
+constexpr double kConstraintTolerance = 1e-13;   // relative volume; round-off of the volume is 1e-15
+constexpr int kConstraintIterations = 12;        // the error shrinks by dt |W| an iteration: 3 is usual
+constexpr int kGrain = 4096;                     // particles: about 20 us of work
+
+}  // namespace
+
+SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> constraints)
+    : model_(model), constraints_(std::move(constraints)) {
+  const std::size_t n = model.rest_position_m.size();
+  for (auto* array : {&kicked_m_s_, &moved_m_, &moved_velocity_m_s_, &load_n_, &free_m_s_}) {
+    array->assign(n, Vec3::Zero());
+  }
+  groups_.reserve(n);
+  zone_response_.reserve(n);
+  for (const Effect* effect : constraints_) {
+    for (const ConstraintRow& row : effect->constraints()) row_.push_back(row);
+  }
+  rows_ = static_cast<int>(row_.size());
+  if (rows_ == 0) return;
+  row_of_.assign(n, -1);
+  gradient_.assign(n, Vec3::Zero());
+  for (int r = 0; r < rows_; ++r) {
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) row_of_[p] = r;
+  }
+  on_zone_.reserve(n);
+  for (auto* array : {&multiplier_, &diagonal_, &preconditioner_, &residual_, &change_, &cg_r_, &cg_p_, &cg_ap_,
+                      &cg_z_}) {
+    array->assign(rows_, 0);
+  }
+}
+
+void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool_twist) {
+  groups_.clear();
+  for (int z = 0; z < static_cast<int>(state.contacts.zones.size()); ++z) {
+    const int tool = state.contacts.zones[z].tool;
+    groups_.push_back(RigidGroup::Of(Members(state.contacts, z), state.position_m, model_.mass_kg, model_.fixed,
+                                     tool >= 0 ? &state.tools[tool].pose : nullptr));
+    if (tool >= 0) groups_.back().twist = tool_twist[tool];
+  }
+}
+
+void SubspaceSolver::Capture(State* state) {
+  const double booked = CaptureBooked(state->ledger);
+  for (int z = 0; z < static_cast<int>(state->contacts.zones.size()); ++z) {
+    Zone& zone = state->contacts.zones[z];
+    const auto members = Members(state->contacts, z);
+    RigidGroup group = RigidGroup::Of(members, state->position_m, model_.mass_kg, model_.fixed,
+                                      zone.tool >= 0 ? &state->tools[zone.tool].pose : nullptr);
+    if (zone.tool >= 0) group.twist = state->tools[zone.tool].twist;
+    group.Project(members, state->position_m, model_.mass_kg, state->velocity_m_s);
+    for (int p : members) {
+      kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : group.VelocityAt(state->position_m[p]);
+    }
+    BookCapture(model_, members, group, kicked_m_s_, zone.pins > 0 || zone.tool >= 0, state);
+    for (int p : members) state->velocity_m_s[p] = kicked_m_s_[p];
+    zone.centre_m = group.centre_m;
+    zone.momentum_kg_m_s = group.linear_momentum;
+    zone.angular_momentum_kg_m2_s = group.angular_momentum;
+  }
+  CloseCapture(model_, booked, state);
+}
+
+void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,
+                         double dt_s, Parallel* parallel, StepReport* report) {
+  parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
+    for (int p = begin; p < end; ++p) {
+      free_m_s_[p] = model_.fixed[p] ? Vec3::Zero()
+                                     : Vec3(state.velocity_m_s[p] + (dt_s / model_.mass_kg[p]) * force_n[p]);
+    }
+  });
+  BuildGroups(state, tool_twist);
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    groups_[z].Project(Members(state.contacts, static_cast<int>(z)), state.position_m, model_.mass_kg, free_m_s_);
+  }
+  if (rows_ > 0) {
+    MeetConstraints(state, dt_s, parallel, report);
+  } else {
+    MoveAll(state, dt_s, parallel);
+  }
+  for (int p : state.contacts.zone_members) {
+    const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
+    load_n_[p] = force_n[p] + (ConstraintImpulse(p) - change) / dt_s;
+  }
+}
+
+// Kicked velocities from the free ones, the multipliers and the groups' twists; then positions and velocities after.
+void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel) {
+  for (RigidGroup& group : groups_) group.Move(dt_s);
+  parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
+    for (int p = begin; p < end; ++p) {
+      const Vec3& x = state.position_m[p];
+      const int zone = state.contacts.zone_of[p];
+      if (model_.fixed[p]) {
+        kicked_m_s_[p] = moved_velocity_m_s_[p] = Vec3::Zero();
+        moved_m_[p] = x;
+      } else if (zone >= 0) {
+        const RigidGroup& group = groups_[zone];
+        kicked_m_s_[p] = group.VelocityAt(x);
+        moved_m_[p] = group.MovedPosition(x);
+        moved_velocity_m_s_[p] = group.MovedVelocity(moved_m_[p]);
+      } else {
+        kicked_m_s_[p] = free_m_s_[p] + ConstraintImpulse(p) / model_.mass_kg[p];
+        moved_velocity_m_s_[p] = kicked_m_s_[p];
+        moved_m_[p] = x + dt_s * kicked_m_s_[p];
+      }
+    }
+  });
+}
+
+void SubspaceSolver::CollectRows(const State& state) {
+  for (const Effect* effect : constraints_) effect->ConstraintGradients(state.position_m, gradient_);
+  std::fill(diagonal_.begin(), diagonal_.end(), 0);
+  for (int r = 0; r < rows_; ++r) {
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+      if (!model_.fixed[p] && state.contacts.zone_of[p] < 0) {
+        diagonal_[r] += gradient_[p].squaredNorm() / model_.mass_kg[p];
+      }
+    }
+  }
+  on_zone_.clear();
+  for (int z = 0; z < static_cast<int>(groups_.size()); ++z) {
+    const RigidGroup& group = groups_[z];
+    if (group.driven() || group.freedom == RigidGroup::Freedom::kLocked) continue;
+    int row = -1;   // members ascend, and so do their rows
+    for (int p : Members(state.contacts, z)) {
+      if (row_of_[p] < 0 || model_.fixed[p]) continue;
+      if (row_of_[p] != row) {
+        row = row_of_[p];
+        on_zone_.push_back({row, z, Vec3::Zero(), Vec3::Zero()});
+      }
+      on_zone_.back().force += gradient_[p];
+      on_zone_.back().moment += (state.position_m[p] - group.pivot_m).cross(gradient_[p]);
+    }
+  }
+  preconditioner_ = diagonal_;
+  for (const RowOnZone& part : on_zone_) {
+    const Twist response = groups_[part.zone].Response(part.force, part.moment);
+    preconditioner_[part.row] +=
+        part.force.dot(response.linear_m_s) + part.moment.dot(response.angular_rad_s);
+  }
+  // A body whose every particle is held cannot change its volume: its row drops out.
+  for (int r = 0; r < rows_; ++r) {
+    double all = 0;
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+      all += gradient_[p].squaredNorm() / model_.mass_kg[p];
+    }
+    if (!(preconditioner_[r] > 1e-12 * all)) preconditioner_[r] = 0;
+  }
+}
+
+// y = G W G^T x: the rows' mobility, through free particles and through zones that couple bodies.
+void SubspaceSolver::ApplyRows(std::span<const double> x, std::span<double> y) const {
+  for (int r = 0; r < rows_; ++r) y[r] = diagonal_[r] * x[r];
+  for (std::size_t i = 0; i < on_zone_.size();) {
+    const int zone = on_zone_[i].zone;
+    Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
+    std::size_t end = i;
+    for (; end < on_zone_.size() && on_zone_[end].zone == zone; ++end) {
+      if (preconditioner_[on_zone_[end].row] == 0) continue;
+      force += on_zone_[end].force * x[on_zone_[end].row];
+      moment += on_zone_[end].moment * x[on_zone_[end].row];
+    }
+    const Twist response = groups_[zone].Response(force, moment);
+    for (; i < end; ++i) {
+      y[on_zone_[i].row] +=
+          on_zone_[i].force.dot(response.linear_m_s) + on_zone_[i].moment.dot(response.angular_rad_s);
+    }
+  }
+}
+
+// Conjugate gradients with a diagonal preconditioner: one row a body, coupled through few zones.
+void SubspaceSolver::SolveRows(std::span<const double> rhs, std::span<double> x) {
+  const auto dot = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    double sum = 0;
+    for (int r = 0; r < rows_; ++r) sum += a[r] * b[r];
+    return sum;
+  };
+  const auto precondition = [&] {
+    for (int r = 0; r < rows_; ++r) cg_z_[r] = preconditioner_[r] > 0 ? cg_r_[r] / preconditioner_[r] : 0;
+  };
+  for (int r = 0; r < rows_; ++r) {
+    x[r] = 0;
+    cg_r_[r] = preconditioner_[r] > 0 ? rhs[r] : 0;
+  }
+  precondition();
+  cg_p_ = cg_z_;
+  double rz = dot(cg_r_, cg_z_);
+  const double target = 1e-24 * rz;   // 1e-12 in the norm: the outer iteration does the rest
+  for (int iteration = 0; iteration < 4 * rows_ + 16 && rz > target && rz > 0; ++iteration) {
+    ApplyRows(cg_p_, cg_ap_);
+    const double curvature = dot(cg_p_, cg_ap_);
+    if (!(curvature > 0)) break;
+    const double alpha = rz / curvature;
+    for (int r = 0; r < rows_; ++r) {
+      x[r] += alpha * cg_p_[r];
+      cg_r_[r] -= preconditioner_[r] > 0 ? alpha * cg_ap_[r] : 0;
+    }
+    precondition();
+    const double next = dot(cg_r_, cg_z_);
+    for (int r = 0; r < rows_; ++r) cg_p_[r] = cg_z_[r] + (next / rz) * cg_p_[r];
+    rz = next;
+  }
+}
+
+void SubspaceSolver::AddMultipliers(std::span<const double> change) {
+  for (int r = 0; r < rows_; ++r) multiplier_[r] += change[r];
+  for (const RowOnZone& part : on_zone_) {
+    groups_[part.zone].AddImpulse(part.force * change[part.row], part.moment * change[part.row]);
+  }
+}
+
+void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report) {
+  CollectRows(state);
+  std::fill(multiplier_.begin(), multiplier_.end(), 0);
+  double before = std::numeric_limits<double>::infinity();
+  for (int iteration = 0;; ++iteration) {
+    MoveAll(state, dt_s, parallel);
+    int first = 0;
+    for (const Effect* effect : constraints_) {
+      const std::size_t count = effect->constraints().size();
+      effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
+      first += static_cast<int>(count);
+    }
+    double worst = 0;
+    for (int r = 0; r < rows_; ++r) {
+      if (preconditioner_[r] > 0) worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
+      residual_[r] /= -dt_s;
+    }
+    if (worst <= kConstraintTolerance) return;
+    // At the floor of round-off the error stops shrinking.
+    if (iteration == kConstraintIterations || !(worst < 1e3)) {
+      if (!(before < 1e-10)) report->bits |= kStepVolumeNotMet;
+      return;
+    }
+    before = worst;
+    SolveRows(residual_, change_);
+    AddMultipliers(change_);
+  }
+}
+
+void SubspaceSolver::Accept(State* state) {
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    const RigidGroup& group = groups_[z];
+    Zone& zone = state->contacts.zones[z];
+    zone.centre_m = group.MovedPosition(group.centre_m);
+    zone.momentum_kg_m_s = group.linear_momentum;
+    zone.angular_momentum_kg_m2_s = group.angular_momentum;
+  }
+  state->position_m = moved_m_;
+  state->velocity_m_s = moved_velocity_m_s_;
+}
+
+}  // namespace adhesim
