@@ -23,7 +23,8 @@ bool SolvePositive(const Mat3& h, const Vec3& g, double floor, Vec3* x) {
   const double l22_sq = h(2, 2) - l20 * l20 - l21 * l21;
   if (!(l22_sq > floor)) return false;
   const double l22 = std::sqrt(l22_sq);
-  const double y0 = g(0) / l00, y1 = (g(1) - l10 * y0) / l11, y2 = (g(2) - l20 * y0 - l21 * y1) / l22;
+  const double y0 = g(0) / l00, y1 = (g(1) - l10 * y0) / l11,
+               y2 = (g(2) - l20 * y0 - l21 * y1) / l22;
   const double x2 = y2 / l22, x1 = (y1 - l21 * x2) / l11;
   *x = Vec3((y0 - l10 * x1 - l20 * x2) / l00, x1, x2);
   return true;
@@ -31,8 +32,9 @@ bool SolvePositive(const Mat3& h, const Vec3& g, double floor, Vec3* x) {
 
 }  // namespace
 
-// Newton on rotations: with S = R^T A and R <- R exp(d), trace(R^T A) grows by d.a - 1/2 d^T (tr(S) I - sym S) d, where
-// a is the axial vector of S. Convergence is quadratic, so a step below 1e-8 leaves nothing but round-off.
+// Newton on rotations: with S = R^T A and R <- R exp(d), trace(R^T A) grows by d.a - 1/2 d^T (tr(S)
+// I - sym S) d, where a is the axial vector of S. Convergence is quadratic, so a step below 1e-8
+// leaves nothing but round-off.
 Quat PolarRotation(const Mat3& a, const Quat& start) {
   Quat q = start;
   const double size = a.norm();

@@ -1,0 +1,155 @@
+#include "server/server.h"
+
+#include <absl/strings/str_cat.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/grpcpp.h>
+#include <grpcpp/health_check_service_interface.h>
+
+#include <chrono>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "server/errors.h"
+#include "server/interaction_service.h"
+#include "server/service_context.h"
+#include "server/session_service.h"
+#include "server/view_service.h"
+
+namespace adhesim {
+namespace {
+
+constexpr int kKeepaliveMs = 10'000;        // a client that froze is noticed after this
+constexpr int kKeepaliveTimeoutMs = 5'000;  // and this
+constexpr int kShortestPingMs =
+    5'000;  // clients may ping as often; the default (5 min) would drop them
+constexpr int kIdleMs = 5 * 60'000;  // connections without calls
+constexpr int kStreamsPerConnection = 100;
+constexpr auto kCancelAfter = std::chrono::seconds(1);
+
+std::once_flag plugins_once;
+
+// Both apply to the process; they must come before the first ServerBuilder.
+void EnablePlugins() {
+  std::call_once(plugins_once, [] {
+    grpc::EnableDefaultHealthCheckService(true);
+    grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  });
+}
+
+void Configure(const Limits& limits, grpc::ServerBuilder* builder) {
+  builder->SetMaxReceiveMessageSize(limits.request_bytes);
+  builder->SetMaxSendMessageSize(-1);  // frames are bounded by Limits::particles
+  // gRPC shares ports by default: a second server on a taken one would start, and get half of the
+  // calls.
+  builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeoutMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                              kShortestPingMs);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kIdleMs);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kStreamsPerConnection);
+}
+
+}  // namespace
+
+// In the order of construction; destroyed the other way round.
+struct Server::Parts {
+  Parts(const Options& options, SceneSource scenes, SessionService::About about)
+      : sessions(std::move(scenes), options.limits, options.realtime),
+        context{sessions, {}},
+        about_copy(about),
+        session_service(&context, std::move(about)),
+        interaction_service(&context),
+        view_service(&context) {}
+
+  Sessions sessions;
+  ServiceContext context;
+  const SessionService::About about_copy;
+  SessionService session_service;
+  InteractionService interaction_service;
+  ViewService view_service;
+  std::unique_ptr<grpc::Server> server;
+};
+
+bool IsLoopback(const std::string& listen) {
+  if (listen.starts_with("unix:")) return true;
+  const std::string host = listen.substr(0, listen.rfind(':'));
+  // "127." alone would let the name 127.example.org through.
+  const bool v4 = host.starts_with("127.") && host.find_first_not_of("0123456789.") == host.npos;
+  return v4 || host == "localhost" || host == "[::1]";
+}
+
+Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+
+Server::~Server() { Shutdown(0); }
+
+absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, SceneSource scenes) {
+  if (!IsLoopback(options.listen) && !options.insecure_listen) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        options.listen,
+        " can be reached from other machines, and nothing here asks who they are "
+        "or encrypts what they send: use 127.0.0.1, or --insecure-listen in a network you trust"));
+  }
+  EnablePlugins();
+  SessionService::About about;
+  about.version = options.version;
+  if (options.realtime) {
+    about.realtime_class = ProbeRealtimeClass();
+    about.memory_locked = LockMemory();
+  }
+  std::unique_ptr<Server> result(
+      new Server(std::make_unique<Parts>(options, std::move(scenes), std::move(about))));
+  Parts& parts = *result->parts_;
+  grpc::ServerBuilder builder;
+  Configure(options.limits, &builder);
+  int port = 0;
+  builder.AddListeningPort(options.listen, grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&parts.session_service);
+  builder.RegisterService(&parts.interaction_service);
+  builder.RegisterService(&parts.view_service);
+  parts.server = builder.BuildAndStart();
+  const bool is_unix = options.listen.starts_with("unix:");
+  if (parts.server == nullptr || (port == 0 && !is_unix)) {
+    return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen,
+                                               ": the port is taken, or the address is not ours"));
+  }
+  result->address_ = options.listen;
+  if (!is_unix) {
+    result->address_ = absl::StrCat(options.listen.substr(0, options.listen.rfind(':') + 1), port);
+  }
+  return result;
+}
+
+std::string Server::realtime_class() const {
+  switch (parts_->about_copy.realtime_class) {
+    case RealtimeClass::kFifo:
+      return "fifo";
+    case RealtimeClass::kShortSlice:
+      return "short slice";
+    case RealtimeClass::kPlain:
+      return "plain";
+  }
+  return "";
+}
+
+bool Server::memory_locked() const { return parts_->about_copy.memory_locked; }
+
+void Server::Shutdown(double grace_s, const std::atomic<bool>* hurry) {
+  if (parts_->server == nullptr) return;
+  if (auto* health = parts_->server->GetHealthCheckService()) health->SetServingStatus(false);
+  parts_->sessions.Drain();
+  const std::int64_t until_ns = MonotonicNs() + static_cast<std::int64_t>(grace_s * 1e9);
+  while (parts_->context.streams.total() > 0 && MonotonicNs() < until_ns &&
+         !(hurry != nullptr && hurry->load())) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  parts_->sessions.StopAll(Error(Reason::kDraining, "the server is going away; try another"));
+  // Streams were finished by that; this waits for it, and cancels whatever is still open.
+  parts_->server->Shutdown(std::chrono::system_clock::now() + kCancelAfter);
+  parts_->server->Wait();
+  parts_->server.reset();
+}
+
+}  // namespace adhesim
