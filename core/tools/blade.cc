@@ -75,7 +75,8 @@ void DeepestPoint(const Blade& blade, const TriangleCorners& corners, SolidNeare
       weights = corner;
     }
   }
-  for (int round = 0; round < 50 && high > low; ++round) {
+  constexpr double kTolerance_m = 1e-12;
+  for (int round = 0; round < 60 && high - low > kTolerance_m; ++round) {
     const double middle = 0.5 * (low + high);
     Vec3 centre;
     if (CentreBelow(heights, middle, &centre)) {

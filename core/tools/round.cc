@@ -50,22 +50,20 @@ Vec2 NearestOnProfile(const Profile& profile, const Vec2& q) {
   return best;
 }
 
-double DistanceAt(const Round& round, const Profile& profile, const Vec2& q) {
-  const double inside = DeepestFace(round, profile, q).value;
-  if (inside <= 0) return inside;
-  return (NearestOnProfile(profile, q) - q).norm();
-}
+// The distance at a point of the half-plane and its gradient there, unit.
+struct ProfileValue {
+  double distance;
+  Vec2 gradient;
+};
 
-// The gradient of the profile's distance, unit.
-Vec2 GradientAt(const Round& round, const Profile& profile, const Vec2& q) {
+ProfileValue ValueAt(const Round& round, const Profile& profile, const Vec2& q) {
   const Deepest face = DeepestFace(round, profile, q);
-  if (face.value > 0) {
-    const Vec2 outwards = q - NearestOnProfile(profile, q);
-    const double length = outwards.norm();
-    // Below this the direction is round-off; the face's own normal is right to the same accuracy.
-    if (length > 1e-9 * round.radius) return outwards / length;
-  }
-  return face.normal;
+  if (face.value <= 0) return {face.value, face.normal};
+  const Vec2 outwards = q - NearestOnProfile(profile, q);
+  const double length = outwards.norm();
+  // Below this the direction is round-off; the face's own normal is right to the same accuracy.
+  if (length <= 1e-9 * round.radius) return {length, face.normal};
+  return {length, outwards / length};
 }
 
 // A triangle cut into segments of constant z, one for each t in [0, 1] from its lowest corner to
@@ -96,8 +94,11 @@ class Slices {
     double rho;
     double z;
     double t;
+    double rho_rate;                             // change of rho with t
     double on_long, on_short_mid, on_short_end;  // weights of the corners: see Weights()
   };
+
+  double rise() const { return rise_; }
 
   // The point of slice t nearest to the axis.
   Point Nearest(double t) const {
@@ -105,14 +106,37 @@ class Slices {
     const bool lower = t < middle_ || middle_ == 1;
     // The other end is on low-mid below the middle corner, on mid-high above it.
     const double s = lower ? t / middle_ : (t - middle_) / (1 - middle_);
-    const Vec3 q = lower ? Vec3(low() + s * (mid() - low())) : Vec3(mid() + s * (high() - mid()));
+    const Vec3& start = lower ? low() : mid();
+    const Vec3 side = lower ? Vec3(mid() - low()) : Vec3(high() - mid());
+    const Vec3 q = start + s * side;
     const double dx = q.x() - p.x(), dy = q.y() - p.y();
     const double length_sq = dx * dx + dy * dy;
     const double u =
         length_sq > 0 ? std::clamp(-(p.x() * dx + p.y() * dy) / length_sq, 0.0, 1.0) : 0;
     const double x = p.x() + u * dx, y = p.y() + u * dy;
-    return {std::sqrt(x * x + y * y), p.z() + u * (q.z() - p.z()), t, 1 - u,
-            u * (lower ? s : 1 - s),  u * (lower ? 1 - s : s)};
+    Point point;
+    point.rho = std::sqrt(x * x + y * y);
+    point.z = p.z() + u * (q.z() - p.z());
+    point.t = t;
+    // u is where rho is least on the slice, so that its own change does not count (envelope
+    // theorem). At a corner the slice is a point and every u is; the steepest way into the triangle
+    // counts.
+    const Vec3 long_rate = high() - low(), side_rate = side / (lower ? middle_ : 1 - middle_);
+    const auto rho_rate = [&](double share) {
+      const Vec3 rate = (1 - share) * long_rate + share * side_rate;
+      return point.rho > 0 ? (x * rate.x() + y * rate.y()) / point.rho : 0;
+    };
+    const bool corner = (t == 0 && middle_ > 0) || (t == 1 && middle_ < 1);
+    if (!corner) {
+      point.rho_rate = rho_rate(u);
+    } else {
+      point.rho_rate =
+          t < 0.5 ? std::min(rho_rate(0), rho_rate(1)) : std::max(rho_rate(0), rho_rate(1));
+    }
+    point.on_long = 1 - u;
+    point.on_short_mid = u * (lower ? s : 1 - s);
+    point.on_short_end = u * (lower ? 1 - s : s);
+    return point;
   }
 
   Vec3 Weights(const Point& point) const {
@@ -135,10 +159,48 @@ class Slices {
   double middle_;
 };
 
+// The distance at the best point of a slice, and its change with t.
+struct Sample {
+  Slices::Point point;
+  double distance;
+  double slope;
+  Vec2 gradient;
+};
+
+// The least of a convex function between two samples by its tangents. Where the two meet bounds it
+// from below, which ends the search; the next sample is taken there (exact for a corner), where the
+// secant of the slopes is zero (exact for a parabola), or halfway (always half), in turn.
+template <typename Evaluate>
+Sample Minimum(Sample low, Sample high, double within_m, const Evaluate& evaluate) {
+  constexpr double kTolerance_m = 1e-15;  // of the distance: round-off of lengths of some metres
+  constexpr int kMaxRounds = 150;
+  Sample best = high.distance < low.distance ? high : low;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    if (low.slope >= 0) return low.distance <= best.distance ? low : best;
+    if (high.slope <= 0) return high.distance <= best.distance ? high : best;
+    const double span = high.point.t - low.point.t;
+    const double meet = std::clamp(
+        (high.distance - low.distance - high.slope * span) / (low.slope - high.slope), 0.0, span);
+    const double bound = low.distance + low.slope * meet;
+    if (best.distance - bound <= kTolerance_m || bound > within_m) return best;
+    const double secant = -low.slope * span / (high.slope - low.slope);
+    const double step = round % 3 == 0 ? meet : (round % 3 == 1 ? secant : 0.5 * span);
+    const double t = low.point.t + step;
+    if (t <= low.point.t || t >= high.point.t) {
+      if (round % 3 == 2) return best;  // nothing lies between them
+      continue;
+    }
+    const Sample next = evaluate(t);
+    if (next.distance < best.distance) best = next;
+    (next.slope < 0 ? low : high) = next;
+  }
+  return best;
+}
+
 }  // namespace
 
 double ProfileDistance(const Round& round, double rho, double z) {
-  return DistanceAt(round, ProfileOf(round), Vec2(rho, z));
+  return ValueAt(round, ProfileOf(round), Vec2(rho, z)).distance;
 }
 
 Vec3 ContactNormal(const TriangleCorners& corners, const Vec3& weights, const Vec3& gradient) {
@@ -161,55 +223,32 @@ bool NearestToRound(const Round& round, const TriangleCorners& corners, double w
                     SolidNearest* nearest) {
   const Profile profile = ProfileOf(round);
   const Slices slices(corners);
-  Slices::Point best{};
-  double least = std::numeric_limits<double>::infinity();
   const auto evaluate = [&](double t) {
     const Slices::Point point = slices.Nearest(t);
-    const double distance = DistanceAt(round, profile, Vec2(point.rho, point.z));
-    if (distance < least) {
-      least = distance;
-      best = point;
-    }
-    return distance;
+    const ProfileValue value = ValueAt(round, profile, Vec2(point.rho, point.z));
+    const double slope = value.gradient.x() * point.rho_rate + value.gradient.y() * slices.rise();
+    return Sample{point, value.distance, slope, value.gradient};
   };
   // Only slices that can be near enough matter; this also keeps the search sharp on triangles much
   // larger than a tool.
-  double from = slices.ParameterAt(round.apex_z - within_m, 0);
-  double to = slices.ParameterAt(round.end_z + within_m, 1);
-  evaluate(from);
-  evaluate(to);
-  if (slices.middle() > from && slices.middle() < to) evaluate(slices.middle());
-  // Golden section: 44 steps leave 6e-10 of the range.
-  constexpr double kGolden = 0.6180339887498949;
-  constexpr int kSteps = 44;
-  double t1 = to - kGolden * (to - from), t2 = from + kGolden * (to - from);
-  double d1 = evaluate(t1), d2 = evaluate(t2);
-  for (int step = 0; step < kSteps; ++step) {
-    if (d1 <= d2) {
-      to = t2;
-      t2 = t1;
-      d2 = d1;
-      t1 = to - kGolden * (to - from);
-      d1 = evaluate(t1);
-    } else {
-      from = t1;
-      t1 = t2;
-      d1 = d2;
-      t2 = from + kGolden * (to - from);
-      d2 = evaluate(t2);
-    }
+  Sample low = evaluate(slices.ParameterAt(round.apex_z - within_m, 0));
+  Sample high = evaluate(slices.ParameterAt(round.end_z + within_m, 1));
+  if (slices.middle() > low.point.t && slices.middle() < high.point.t) {
+    const Sample middle = evaluate(slices.middle());
+    (middle.slope < 0 ? low : high) = middle;
   }
-  if (!(least <= within_m)) return false;
-  nearest->distance_m = least;
-  nearest->weights = slices.Weights(best);
+  const Sample best = Minimum(low, high, within_m, evaluate);
+  if (!(best.distance <= within_m)) return false;
+  nearest->distance_m = best.distance;
+  nearest->weights = slices.Weights(best.point);
   nearest->point_m = nearest->weights[0] * corners[0] + nearest->weights[1] * corners[1] +
                      nearest->weights[2] * corners[2];
-  const Vec2 slope = GradientAt(round, profile, Vec2(best.rho, best.z));
+  const double rho = best.point.rho;
   const Vec3& p = nearest->point_m;
   const Vec3 outwards =
-      best.rho > 1e-9 * round.radius ? Vec3(p.x() / best.rho, p.y() / best.rho, 0) : Vec3::Zero();
-  nearest->normal =
-      ContactNormal(corners, nearest->weights, slope.x() * outwards + slope.y() * Vec3::UnitZ());
+      rho > 1e-9 * round.radius ? Vec3(p.x() / rho, p.y() / rho, 0) : Vec3::Zero();
+  nearest->normal = ContactNormal(corners, nearest->weights,
+                                  best.gradient.x() * outwards + best.gradient.y() * Vec3::UnitZ());
   return true;
 }
 

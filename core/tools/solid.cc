@@ -85,13 +85,14 @@ double EndZ(const Solid& solid) {
 }
 
 Aabb BoxOf(const Solid& solid) {
-  Aabb box;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vec3 direction = Vec3::Unit(axis);
-    box.max[axis] = SupportPoint(solid, direction)[axis];
-    box.min[axis] = SupportPoint(solid, -direction)[axis];
+  if (const auto* round = std::get_if<Round>(&solid)) {
+    return {Vec3(-round->radius, -round->radius, round->apex_z),
+            Vec3(round->radius, round->radius, round->end_z)};
   }
-  return box;
+  // Vertices 5 and 6 are the thickest and the widest of the end face.
+  const auto& blade = std::get<Blade>(solid);
+  const double x = blade.vertices[5].x(), y = blade.vertices[6].y();
+  return {Vec3(-x, -y, 0), Vec3(x, y, blade.end_z)};
 }
 
 double SignedDistance(const Solid& solid, const Vec3& point) {

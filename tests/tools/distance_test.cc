@@ -13,8 +13,8 @@ namespace {
 
 constexpr double kFar = 1.0;
 
-// Distances are computed in double; 44 golden-section steps over at most 2 m leave 1e-9 m.
-constexpr double kClose = 2e-9;
+// Distances are computed in double to 1e-15 m; a few more of round-off.
+constexpr double kClose = 1e-13;
 
 ToolSet::Nearest NearestTo(const ToolSet& tools, const Vec3& a, const Vec3& b, const Vec3& c,
                            const Pose& pose = {}, int tool = 0) {
