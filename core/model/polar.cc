@@ -13,7 +13,8 @@ Quat RotationBySvd(const Mat3& a) {
   return Quat(Mat3(u * svd.matrixV().transpose())).normalized();
 }
 
-// Solves h x = g for a symmetric positive definite h by its adjugate; false when it is not (Sylvester's criterion).
+// Solves h x = g for a symmetric positive definite h by its adjugate; false when it is not
+// (Sylvester's criterion).
 bool SolvePositive(const Mat3& h, const Vec3& g, double floor, Vec3* x) {
   const double a = h(0, 0), b = h(1, 0), c = h(2, 0), d = h(1, 1), e = h(2, 1), f = h(2, 2);
   const double aa = d * f - e * e, ab = c * e - b * f, ac = b * e - c * d;
@@ -22,8 +23,9 @@ bool SolvePositive(const Mat3& h, const Vec3& g, double floor, Vec3* x) {
   if (!(a > floor) || !(minor > floor * a) || !(determinant > floor * minor)) return false;
   const double bb = a * f - c * c, bc = b * c - a * e;
   const double scale = 1 / determinant;
-  *x = Vec3(scale * (aa * g(0) + ab * g(1) + ac * g(2)), scale * (ab * g(0) + bb * g(1) + bc * g(2)),
-            scale * (ac * g(0) + bc * g(1) + minor * g(2)));
+  *x =
+      Vec3(scale * (aa * g(0) + ab * g(1) + ac * g(2)), scale * (ab * g(0) + bb * g(1) + bc * g(2)),
+           scale * (ac * g(0) + bc * g(1) + minor * g(2)));
   return true;
 }
 
@@ -41,7 +43,7 @@ Quat PolarRotation(const Mat3& a, const Quat& start) {
   for (int iteration = 0; iteration < 16; ++iteration) {
     const Mat3 s = q.toRotationMatrix().transpose() * a;
     const Vec3 axial(s(2, 1) - s(1, 2), s(0, 2) - s(2, 0), s(1, 0) - s(0, 1));
-    Mat3 h;   // tr(S) I - sym S; only the lower half is read
+    Mat3 h;  // tr(S) I - sym S; only the lower half is read
     h(0, 0) = s(1, 1) + s(2, 2);
     h(1, 1) = s(0, 0) + s(2, 2);
     h(2, 2) = s(0, 0) + s(1, 1);

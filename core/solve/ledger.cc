@@ -68,7 +68,8 @@ void BookElastic(double elastic_j, State* state) {
 
 // An orthogonal projection in the metric of the masses: T' - T = -1/2 |v' - v|_M^2 plus the work of
 // tools, whose impulse on a member is m (v' - v) less what the constraints gave it.
-void BookCapture(const Model& model, const SubspaceSolver& solver, State* state, std::span<Wrench> tool_impulse) {
+void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
+                 std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
   const std::span<const Vec3> after = solver.kicked_velocity_m_s();
   double twice_loss = 0;

@@ -27,7 +27,8 @@ void BookElastic(double elastic_j, State* state);
 
 // The projection that SubspaceSolver::Capture is about to make of the velocities:
 // kicked_velocity_m_s().
-void BookCapture(const Model& model, const SubspaceSolver& solver, State* state, std::span<Wrench> tool_impulse);
+void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
+                 std::span<Wrench> tool_impulse);
 
 // The solver's last trial, before it is accepted. Adds the impulse of the tissue on each tool,
 // about its tip at the start: N s, N m s.

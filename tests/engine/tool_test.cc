@@ -53,7 +53,8 @@ effects:
   const Model& model = engine->model();
   const auto linear = [&] {
     Vec3 sum = Vec3::Zero();
-    for (int p = 0; p < model.particle_count(); ++p) sum += model.mass_kg[p] * engine->state().velocity_m_s[p];
+    for (int p = 0; p < model.particle_count(); ++p)
+      sum += model.mass_kg[p] * engine->state().velocity_m_s[p];
     return sum;
   };
   double largest = 0;
@@ -66,7 +67,8 @@ effects:
     largest = std::max(largest, rate.norm());
   }
   EXPECT_GT(largest, 0.1);
-  // Captures within the step give tissue the tool's velocity at once: that impulse is part of the force too.
+  // Captures within the step give tissue the tool's velocity at once: that impulse is part of the
+  // force too.
   EXPECT_LT(worst.norm(), 1e-9 * largest);
 }
 
@@ -82,7 +84,8 @@ TEST(Needle, LagsBehindATargetBeyondItsForceLimit) {
   EXPECT_TRUE(tool.flags & kToolForceLimited);
   EXPECT_GT(tool.pose.position_m.z() - tool.target.position_m.z(), 0.005);
   EXPECT_NEAR(tool.coupling.force_n.norm(), 0.05, 1e-9);
-  EXPECT_NEAR(tool.tissue.force_n.z(), 0.05, 0.01);   // at rest the tissue carries what the coupling gives
+  EXPECT_NEAR(tool.tissue.force_n.z(), 0.05,
+              0.01);  // at rest the tissue carries what the coupling gives
 }
 
 TEST(Needle, AJumpOfTheTargetIsReportedOnceAndFollowedAtTheSpeedLimit) {
@@ -171,7 +174,8 @@ tools:
   for (int step = 0; step < 300; ++step) {
     engine->Step({});
     obstructed = obstructed || (engine->state().tools[0].flags & kToolObstructed);
-    EXPECT_GT(engine->state().tools[0].pose.position_m.z(), 0.0005 - 1e-6);   // the plate's upper face
+    EXPECT_GT(engine->state().tools[0].pose.position_m.z(),
+              0.0005 - 1e-6);  // the plate's upper face
   }
   EXPECT_TRUE(obstructed);
   EXPECT_LT(engine->state().tools[0].pose.position_m.z(), 0.002);
@@ -214,7 +218,8 @@ effects:
   EXPECT_GT(held[1], 0u);
   // The strip is stretched between them: each is pulled towards the other, equally.
   EXPECT_GT(engine->state().tools[0].tissue.force_n.x(), 0.05);
-  EXPECT_NEAR(engine->state().tools[0].tissue.force_n.x(), -engine->state().tools[1].tissue.force_n.x(),
+  EXPECT_NEAR(engine->state().tools[0].tissue.force_n.x(),
+              -engine->state().tools[1].tissue.force_n.x(),
               0.02 * engine->state().tools[0].tissue.force_n.x());
   EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
 }

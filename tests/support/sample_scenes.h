@@ -22,7 +22,8 @@ effects:
   - virtual_adhesive: {capture_distance_m: 0.012, normal_strength_pa: 1.5, shear_strength_pa: 1}
 )";
 
-// A soft ball fixed at its bottom and a needle above it, with its trajectory and adhesion still to be written.
+// A soft ball fixed at its bottom and a needle above it, with its trajectory and adhesion still to
+// be written.
 inline std::string NeedleScene(const std::string& needle) {
   return R"(
 rate_hz: 1000

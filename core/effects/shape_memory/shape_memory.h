@@ -1,55 +1,30 @@
 #pragma once
 
-#include <vector>
+#include <memory>
 
 #include "core/model/effect.h"
 
 namespace adhesim {
 
-// Local shape memory of a surface (Carra et al. 2007, section 3.1; reconstructed, see README.md).
-//
-// Cluster form: E_i = 1/2 k sum_j w_j |x_j - C_i - R_i q_j|^2 over the particle and its neighbours,
-// C_i their mean, q_j their offsets at rest, R_i the best rotation, w_j = 1 / #cluster. R_i
-// minimises E_i, so f_j = -k w_j (...) is the exact gradient and both momenta are conserved. Centre
-// form: E_i = 1/2 k |x_i - C_i - R_i q_i|^2 with C_i and R_i of the neighbours only (the paper's
-// attractor).
+// Local shape memory of a surface (README.md): the cluster form or the centre form, as the message
+// says.
 class ShapeMemoryEffect : public Effect {
  public:
   ShapeMemoryEffect(const Model& model, const v1::ShapeMemory& message);
 
   std::string_view name() const override { return "shape_memory"; }
-  unsigned force_kinds() const override { return kElastic | (damping_n_s_m_ > 0 ? kDamping : 0u); }
-  double AddForces(const ForceInput& in, const ForceOutput& out) const override;
-  void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override;
-  int state_size() const override { return 4 * cluster_count(); }  // R_i as quaternions x, y, z, w
-  void InitialState(std::span<double> state) const override;
+  unsigned force_kinds() const override { return form_->force_kinds(); }
+  double AddForces(const ForceInput& in, const ForceOutput& out) const override {
+    return form_->AddForces(in, out);
+  }
+  void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override {
+    form_->AddBounds(stiffness_n_m, damping_n_s_m);
+  }
+  int state_size() const override { return form_->state_size(); }
+  void InitialState(std::span<double> state) const override { form_->InitialState(state); }
 
  private:
-  int cluster_count() const { return static_cast<int>(cluster_start_.size()) - 1; }
-  void AddCluster(const Model& model, int particle);
-  void EvaluateCluster(int cluster, const ForceInput& in) const;
-  void ClusterForm(int cluster, const Mat3& rotation, const Vec3& mean, const ForceInput& in) const;
-  void CentreForm(int cluster, const Mat3& rotation, const Vec3& mean, const ForceInput& in) const;
-  void AddDampingForces(int cluster, const ForceInput& in) const;
-
-  double stiffness_n_m_;
-  double damping_n_s_m_;
-  bool centre_form_;
-  // Clusters [#particles of the bodies]; members of cluster c are entries cluster_start_[c] ..
-  // cluster_start_[c + 1). The cluster's own particle comes first.
-  std::vector<int> cluster_start_;
-  std::vector<int> member_;  // [#entries] particle
-  std::vector<Vec3>
-      rest_offset_;  // [#entries] m, from the mean at rest (of the neighbours, in the centre form)
-  // Entries that act on a particle, ascending: each particle sums its own in this order, whatever
-  // the threads.
-  std::vector<int> particle_;     // [#particles of the bodies]
-  std::vector<int> entry_start_;  // [#particles of the bodies + 1]
-  std::vector<int> entry_;
-  // Scratch of one evaluation; not part of the state.
-  mutable std::vector<Vec3> entry_force_n_;    // [#entries]
-  mutable std::vector<Vec3> entry_damping_n_;  // [#entries], empty without damping
-  mutable std::vector<double> energy_j_;       // [#clusters]
+  std::unique_ptr<Effect> form_;
 };
 
 }  // namespace adhesim

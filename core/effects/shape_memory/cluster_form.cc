@@ -1,0 +1,186 @@
+#include "core/effects/shape_memory/cluster_form.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "core/effects/registry.h"
+#include "core/model/polar.h"
+
+namespace adhesim {
+namespace {
+
+constexpr int kBatchGrain = 64;       // batches: about 50 us of work
+constexpr int kParticleGrain = 4096;  // particles: likewise
+
+int ClusterSize(const Model& model, int particle) {
+  return 1 + model.neighbour_start[particle + 1] - model.neighbour_start[particle];
+}
+
+// A cluster whose every member is fixed exerts nothing that moves anything.
+bool Moves(const Model& model, int particle) {
+  bool moves = !model.fixed[particle];
+  for (int n = model.neighbour_start[particle]; n < model.neighbour_start[particle + 1]; ++n) {
+    moves = moves || !model.fixed[model.neighbours[n]];
+  }
+  return moves;
+}
+
+}  // namespace
+
+ClusterForm::ClusterForm(const Model& model, const v1::ShapeMemory& message)
+    : stiffness_n_m_(message.stiffness_n_m()), damping_n_s_m_(message.damping_n_s_m()) {
+  std::vector<int> centres;
+  for (int b : SelectBodies(model, message.bodies(),
+                            [](const Body& body) { return !body.rigid && !body.all_fixed; })) {
+    const Body& body = model.bodies[b];
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      if (Moves(model, p)) centres.push_back(p);
+    }
+  }
+  // Clusters of a size share batches, so that few lanes idle.
+  std::stable_sort(centres.begin(), centres.end(),
+                   [&](int p, int q) { return ClusterSize(model, p) < ClusterSize(model, q); });
+  for (std::size_t first = 0; first < centres.size(); first += kLanes) {
+    AddBatch(model, std::span(centres).subspan(
+                        first, std::min<std::size_t>(kLanes, centres.size() - first)));
+  }
+  CollectSlots(model);
+  elastic_n_.resize(entry_.size());
+  if (damping_n_s_m_ > 0) damping_n_.resize(entry_.size());
+  energy_j_.resize(batch_.size());
+}
+
+void ClusterForm::AddBatch(const Model& model, std::span<const int> particles) {
+  ClusterBatch batch;
+  batch.first_entry = static_cast<int>(entry_.size());
+  batch.members = ClusterSize(model, particles.back());
+  entry_.resize(entry_.size() + batch.members);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const bool used = lane < static_cast<int>(particles.size());
+    const int centre = particles[used ? lane : 0];
+    const int size = ClusterSize(model, centre);
+    const auto member = [&](int m) {
+      return m == 0 ? centre : model.neighbours[model.neighbour_start[centre] + m - 1];
+    };
+    Vec3 mean = Vec3::Zero();
+    for (int m = 0; m < size; ++m)
+      mean += model.rest_position_m[member(m)] - model.rest_position_m[centre];
+    mean = model.rest_position_m[centre] + mean / size;
+    batch.inverse_count.v[lane] = 1.0 / size;
+    for (int m = 0; m < batch.members; ++m) {
+      ClusterEntry& entry = entry_[batch.first_entry + m];
+      entry.particle[lane] = m < size ? member(m) : centre;
+      entry.present.v[lane] = used && m < size ? 1 : 0;
+      const Vec3 offset = m < size ? Vec3(model.rest_position_m[member(m)] - mean) : Vec3::Zero();
+      entry.rest_offset_m.x.v[lane] = offset.x();
+      entry.rest_offset_m.y.v[lane] = offset.y();
+      entry.rest_offset_m.z.v[lane] = offset.z();
+    }
+  }
+  batch_.push_back(batch);
+}
+
+void ClusterForm::CollectSlots(const Model& model) {
+  std::vector<std::vector<int>> slots(model.rest_position_m.size());
+  for (int e = 0; e < static_cast<int>(entry_.size()); ++e) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (entry_[e].present.v[lane] > 0)
+        slots[entry_[e].particle[lane]].push_back(e * kLanes + lane);
+    }
+  }
+  slot_start_.push_back(0);
+  for (int p = 0; p < static_cast<int>(slots.size()); ++p) {
+    if (slots[p].empty()) continue;
+    particle_.push_back(p);
+    slot_.insert(slot_.end(), slots[p].begin(), slots[p].end());
+    slot_start_.push_back(static_cast<int>(slot_.size()));
+  }
+}
+
+void ClusterForm::InitialState(std::span<double> state) const {
+  for (std::size_t k = 0; k < state.size(); ++k) state[k] = (k / kLanes) % 4 == 3 ? 1 : 0;
+}
+
+// E_i is a minimum over rotations and the mean, so its Hessian is at most that of 1/2 k sum w
+// |x_j|^2: diagonal.
+void ClusterForm::AddBounds(std::span<double> stiffness_n_m,
+                            std::span<double> damping_n_s_m) const {
+  for (const ClusterBatch& batch : batch_) {
+    for (int e = batch.first_entry; e < batch.first_entry + batch.members; ++e) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const double weight = entry_[e].present.v[lane] * batch.inverse_count.v[lane];
+        stiffness_n_m[entry_[e].particle[lane]] += stiffness_n_m_ * weight;
+        damping_n_s_m[entry_[e].particle[lane]] += damping_n_s_m_ * weight;
+      }
+    }
+  }
+}
+
+double ClusterForm::AddForces(const ForceInput& in, const ForceOutput& out) const {
+  in.parallel->For(static_cast<int>(batch_.size()), kBatchGrain, [&](int begin, int end) {
+    for (int b = begin; b < end; ++b) EvaluateBatch(b, in);
+  });
+  const auto sum = [&](const std::vector<Lanes3>& entries, int k) {
+    Vec3 force = Vec3::Zero();
+    for (int s = slot_start_[k]; s < slot_start_[k + 1]; ++s) {
+      const Lanes3& lanes = entries[slot_[s] / kLanes];
+      const int lane = slot_[s] % kLanes;
+      force += Vec3(lanes.x.v[lane], lanes.y.v[lane], lanes.z.v[lane]);
+    }
+    return force;
+  };
+  in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      out.elastic[particle_[k]] += sum(elastic_n_, k);
+      if (damping_n_s_m_ > 0) out.damping[particle_[k]] += sum(damping_n_, k);
+    }
+  });
+  double energy = 0;
+  for (const Lanes& lanes : energy_j_) {
+    for (double e : lanes.v) energy += e;
+  }
+  return energy;
+}
+
+void ClusterForm::EvaluateBatch(int b, const ForceInput& in) const {
+  const ClusterBatch& batch = batch_[b];
+  const std::span<const ClusterEntry> entries =
+      std::span(entry_).subspan(batch.first_entry, batch.members);
+  const ClusterForces forces{std::span(elastic_n_).subspan(batch.first_entry, batch.members),
+                             damping_n_.empty()
+                                 ? std::span<Lanes3>()
+                                 : std::span(damping_n_).subspan(batch.first_entry, batch.members),
+                             &energy_j_[b]};
+  double* stored = &in.effect_state[4 * kLanes * b];
+  Lanes rotation[4];
+  std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
+  const unsigned failed = EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s,
+                                           stiffness_n_m_, damping_n_s_m_, rotation, forces);
+  if (failed != 0) {
+    // Tumbling or inverted: start afresh where the maximum is, and go on from there.
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (failed & (1u << lane)) RestartRotation(b, lane, in.position_m, rotation);
+    }
+    EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s, stiffness_n_m_, damping_n_s_m_,
+                     rotation, forces);
+  }
+  std::memcpy(stored, rotation, sizeof(rotation));
+}
+
+void ClusterForm::RestartRotation(int b, int lane, std::span<const Vec3> position_m,
+                                  Lanes rotation[4]) const {
+  const ClusterBatch& batch = batch_[b];
+  Mat3 a = Mat3::Zero();
+  const Vec3& origin = position_m[entry_[batch.first_entry].particle[lane]];
+  for (int e = batch.first_entry; e < batch.first_entry + batch.members; ++e) {
+    const Lanes3& rest = entry_[e].rest_offset_m;
+    a += (position_m[entry_[e].particle[lane]] - origin) *
+         Vec3(rest.x.v[lane], rest.y.v[lane], rest.z.v[lane]).transpose();
+  }
+  const Quat best = PolarRotation(
+      a, Quat(rotation[3].v[lane], rotation[0].v[lane], rotation[1].v[lane], rotation[2].v[lane])
+             .normalized());
+  for (int k = 0; k < 4; ++k) rotation[k].v[lane] = best.coeffs()(k);
+}
+
+}  // namespace adhesim
