@@ -10,7 +10,9 @@ namespace {
 // Slower than this fraction of d_on per step is round-off, not approach.
 constexpr double kApproach = 1e-9;
 
-std::tuple<int, int, int> Key(const Bond& bond) { return {bond.particle, bond.tool, bond.triangle}; }
+std::tuple<int, int, int> Key(const Bond& bond) {
+  return {bond.particle, bond.tool, bond.triangle};
+}
 
 bool Insert(const Bond& bond, Contacts* contacts, StepReport* report) {
   if (contacts->bonds.size() == contacts->bonds.capacity()) {
@@ -42,15 +44,19 @@ Adhesive::Adhesive(const Model& model) : model_(model) {
   kept_.reserve(4 * model.rest_position_m.size() + 64);
 }
 
-const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particle, int other) const {
+const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particle,
+                                           int other) const {
   const ReleasedPair key{particle, other, 0};
-  const auto at = std::lower_bound(contacts.released.begin(), contacts.released.end(), key, PairLess);
-  return at != contacts.released.end() && at->particle == particle && at->other == other ? &*at : nullptr;
+  const auto at =
+      std::lower_bound(contacts.released.begin(), contacts.released.end(), key, PairLess);
+  return at != contacts.released.end() && at->particle == particle && at->other == other ? &*at
+                                                                                         : nullptr;
 }
 
 void Adhesive::AddReleased(int particle, int other, double gap_m, Contacts* contacts) {
   const ReleasedPair pair{particle, other, gap_m};
-  const auto at = std::lower_bound(contacts->released.begin(), contacts->released.end(), pair, PairLess);
+  const auto at =
+      std::lower_bound(contacts->released.begin(), contacts->released.end(), pair, PairLess);
   if (at != contacts->released.end() && at->particle == particle && at->other == other) {
     at->gap_m = gap_m;
   } else if (contacts->released.size() < contacts->released.capacity()) {
@@ -58,8 +64,8 @@ void Adhesive::AddReleased(int particle, int other, double gap_m, Contacts* cont
   }
 }
 
-int Adhesive::Capture(std::span<const NearPair> near, const State& state, double dt_s, Contacts* contacts,
-                      StepReport* report) {
+int Adhesive::Capture(std::span<const NearPair> near, const State& state, double dt_s,
+                      Contacts* contacts, StepReport* report) {
   // Both lists ascend by (particle, body): keep the released pairs that are still within d_off.
   kept_.clear();
   auto pair = near.begin();
@@ -68,7 +74,8 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
       kept_.push_back(released);
       continue;
     }
-    while (pair != near.end() && std::pair(pair->particle, pair->body) < std::pair(released.particle, released.other)) {
+    while (pair != near.end() &&
+           std::pair(pair->particle, pair->body) < std::pair(released.particle, released.other)) {
       ++pair;
     }
     const bool near_enough = pair != near.end() && pair->particle == released.particle &&
@@ -89,8 +96,9 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     const ReleasedPair* released = FindReleased(*contacts, candidate.particle, candidate.body);
     if (released && candidate.gap_m >= released->gap_m) continue;
     // One bond a particle and body.
-    const auto first = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), candidate.particle,
-                                        [](const Bond& bond, int p) { return bond.particle < p; });
+    const auto first =
+        std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), candidate.particle,
+                         [](const Bond& bond, int p) { return bond.particle < p; });
     bool bonded = false;
     for (auto it = first; it != contacts->bonds.end() && it->particle == candidate.particle; ++it) {
       bonded = bonded || model_.body_of[model_.triangles[it->triangle][0]] == candidate.body;
@@ -159,9 +167,10 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
 Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
   if (bond.tool >= 0) return state.tools[bond.tool].pose.orientation * bond.tool_normal;
   const Triangle& tri = model_.triangles[bond.triangle];
-  const Vec3 &a = state.position_m[tri[0]], &b = state.position_m[tri[1]], &c = state.position_m[tri[2]];
-  const Vec3 offset =
-      state.position_m[bond.particle] - (bond.weights[0] * a + bond.weights[1] * b + bond.weights[2] * c);
+  const Vec3 &a = state.position_m[tri[0]], &b = state.position_m[tri[1]],
+             &c = state.position_m[tri[2]];
+  const Vec3 offset = state.position_m[bond.particle] -
+                      (bond.weights[0] * a + bond.weights[1] * b + bond.weights[2] * c);
   const double distance = offset.norm();
   // Too near to have a direction of its own: take the triangle's.
   if (distance > 1e-3 * capture_distance_m_) return offset * (bond.gap_sign / distance);
@@ -191,22 +200,25 @@ void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double
   limit.shear_n = std::max(limit.shear_n, shear_n);
 }
 
-void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale, const Contacts& contacts) {
+void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
+                             const Contacts& contacts) {
   for (int p : contacts.zone_members) limit_[p].bonded = false;
   for (const Bond& bond : contacts.bonds) {
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
     if (bond.particle >= 0) Limits(bond.particle, bond, normal, scale);
-    // A tool's normal already points to the tissue; a triangle's corners are on the other side of theirs.
+    // A tool's normal already points to the tissue; a triangle's corners are on the other side of
+    // theirs.
     const Vec3 corner_normal = bond.tool >= 0 ? normal : Vec3(-normal);
     for (int k = 0; k < 3; ++k) {
-      if (bond.vertices[k] >= 0) Limits(bond.vertices[k], bond, bond.weights[k] * corner_normal, scale);
+      if (bond.vertices[k] >= 0)
+        Limits(bond.vertices[k], bond, bond.weights[k] * corner_normal, scale);
     }
   }
 }
 
-// A rigid body's own particles carry its inner forces too, so that only the resultant is meaningful: spread it over its
-// colliding particles by area.
+// A rigid body's own particles carry its inner forces too, so that only the resultant is
+// meaningful: spread it over its colliding particles by area.
 void Adhesive::SpreadOverRigidBodies(std::span<const Vec3> load_n, const Contacts& contacts) {
   for (int p : contacts.zone_members) load_n_[p] = load_n[p];
   for (const Body& body : model_.bodies) {
@@ -217,7 +229,8 @@ void Adhesive::SpreadOverRigidBodies(std::span<const Vec3> load_n, const Contact
       resultant += load_n[p];
       if (limit_[p].bonded) area += model_.area_m2[p];
     }
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count && area > 0; ++p) {
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count && area > 0;
+         ++p) {
       load_n_[p] = resultant * (model_.area_m2[p] / area);
     }
   }
@@ -236,12 +249,13 @@ double Adhesive::LoadRatio(int particle, const Vec3& load) const {
     if (force == 0) return 0.0;
     return strength > 0 ? force / strength : std::numeric_limits<double>::infinity();
   };
-  const double normal_ratio = over(tension, limit.normal_n), shear_ratio = over(shear, limit.shear_n);
+  const double normal_ratio = over(tension, limit.normal_n),
+               shear_ratio = over(shear, limit.shear_n);
   return std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio);
 }
 
-int Adhesive::Release(std::span<const Vec3> load_n, const State& state, std::span<const double> strength_scale,
-                      Contacts* contacts) {
+int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
+                      std::span<const double> strength_scale, Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
   CollectLimits(state, strength_scale, *contacts);
   SpreadOverRigidBodies(load_n, *contacts);
@@ -292,7 +306,8 @@ void Adhesive::RemoveReleased(const State& state, Contacts* contacts) {
 }
 
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {
-  return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.tool == tool; }));
+  return static_cast<int>(
+      std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.tool == tool; }));
 }
 
 }  // namespace adhesim

@@ -10,25 +10,26 @@
 
 namespace adhesim {
 
-// When the virtual adhesive takes hold and when it lets go (Carra et al. 2007, 4.2.2, made well-posed as in the physics
-// notes 3.3). It edits bonds; what moves together follows from them (ZoneBuilder).
+// When the virtual adhesive takes hold and when it lets go (Carra et al. 2007, 4.2.2, made
+// well-posed as in the physics notes 3.3). It edits bonds; what moves together follows from them
+// (ZoneBuilder).
 //
-// Capture: a pair nearer than d_on that approaches, or is inside, becomes a bond: the particle and those corners of the
-// triangle with a weight above kMinWeight.
-// Release: with lambda_i the force that the adhesive must carry on a colliding particle and n_i the normal from the
-// opposing body to its own, in tension (lambda_n > 0) it lets go when
+// Capture: a pair nearer than d_on that approaches, or is inside, becomes a bond: the particle and
+// those corners of the triangle with a weight above kMinWeight. Release: with lambda_i the force
+// that the adhesive must carry on a colliding particle and n_i the normal from the opposing body to
+// its own, in tension (lambda_n > 0) it lets go when
 //   (lambda_n / (sigma_n A_i))^2 + (|lambda_t| / (sigma_t A_i))^2 > 1,
 // in compression never. With `kappa_adh`, sigma A_i is replaced by kappa m_i / dt_ref^2.
-// Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it is pressed closer
-// than it was when it let go.
+// Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it
+// is pressed closer than it was when it let go.
 class Adhesive {
  public:
   static constexpr double kMinWeight = 0.05;
 
   explicit Adhesive(const Model& model);
 
-  // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet the capture rule.
-  // Returns the number of new bonds. `dt_s` scales what counts as approaching.
+  // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
+  // the capture rule. Returns the number of new bonds. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, const State& state, double dt_s, Contacts* contacts,
               StepReport* report);
 
@@ -42,24 +43,27 @@ class Adhesive {
     bool sticky;
   };
   // The same for tools; `near` ascending by (tool, triangle), with every triangle within d_off.
-  int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts, StepReport* report);
+  int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
+                     StepReport* report);
 
-  // Releases every colliding particle whose load [#particles, N] exceeds its strength (`strength_scale` [#tools]
-  // multiplies that of tools' bonds). Writes Zone::load. Returns the number that let go.
-  int Release(std::span<const Vec3> load_n, const State& state, std::span<const double> strength_scale,
-              Contacts* contacts);
+  // Releases every colliding particle whose load [#particles, N] exceeds its strength
+  // (`strength_scale` [#tools] multiplies that of tools' bonds). Writes Zone::load. Returns the
+  // number that let go.
+  int Release(std::span<const Vec3> load_n, const State& state,
+              std::span<const double> strength_scale, Contacts* contacts);
   // Lets go of everything a tool holds.
   int ReleaseTool(int tool, Contacts* contacts);
 
  private:
-  struct Limit {           // of one colliding particle
-    Vec3 normal_sum;       // of its bonds, from the opposing side to its own
-    double normal_n;       // forces that its bonds carry
+  struct Limit {      // of one colliding particle
+    Vec3 normal_sum;  // of its bonds, from the opposing side to its own
+    double normal_n;  // forces that its bonds carry
     double shear_n;
     bool bonded;
     bool released;
   };
-  void CollectLimits(const State& state, std::span<const double> strength_scale, const Contacts& contacts);
+  void CollectLimits(const State& state, std::span<const double> strength_scale,
+                     const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   double LoadRatio(int particle, const Vec3& load) const;
   void SpreadOverRigidBodies(std::span<const Vec3> load_n, const Contacts& contacts);
@@ -71,9 +75,9 @@ class Adhesive {
   const Model& model_;
   double capture_distance_m_ = 0;
   double release_distance_m_ = 0;
-  std::vector<Limit> limit_;               // [#particles]
-  std::vector<Vec3> load_n_;               // [#particles] with rigid bodies' loads spread
-  std::vector<std::uint8_t> touched_;      // [#particles x #tools] within d_off of the tool
+  std::vector<Limit> limit_;           // [#particles]
+  std::vector<Vec3> load_n_;           // [#particles] with rigid bodies' loads spread
+  std::vector<std::uint8_t> touched_;  // [#particles x #tools] within d_off of the tool
   std::vector<ReleasedPair> kept_;
 };
 

@@ -1,6 +1,34 @@
 #include "core/contact/closest_point.h"
 
+#include <algorithm>
+#include <array>
+
 namespace adhesim {
+
+namespace {
+
+// The nearest point of the three edges: all that a triangle without area has.
+ClosestPoint ClosestPointOnEdges(const Vec3& p, const std::array<Vec3, 3>& corner) {
+  ClosestPoint best{Vec3(1, 0, 0), ClosestPoint::kCorner0, (p - corner[0]).squaredNorm()};
+  for (int k = 0; k < 3; ++k) {
+    const Vec3& a = corner[k];
+    const Vec3 along = corner[(k + 1) % 3] - a;
+    const double length_sq = along.squaredNorm();
+    const double t = length_sq > 0 ? std::clamp((p - a).dot(along) / length_sq, 0.0, 1.0) : 0;
+    const double distance_sq = (p - a - t * along).squaredNorm();
+    if (distance_sq >= best.distance_sq_m2) continue;
+    best.weights.setZero();
+    best.weights(k) = 1 - t;
+    best.weights((k + 1) % 3) = t;
+    best.feature = static_cast<ClosestPoint::Feature>(ClosestPoint::kEdge0 + k);
+    best.distance_sq_m2 = distance_sq;
+  }
+  return best;
+}
+
+constexpr double kFlat = 1e-24;  // squared sine of an angle below which a triangle counts as a line
+
+}  // namespace
 
 ClosestPoint ClosestPointOnTriangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
@@ -8,6 +36,9 @@ ClosestPoint ClosestPointOnTriangle(const Vec3& p, const Vec3& a, const Vec3& b,
     const Vec3 nearest = wa * ap + wb * bp + wc * cp;  // p - nearest point
     return ClosestPoint{Vec3(wa, wb, wc), feature, nearest.squaredNorm()};
   };
+  if (!(ab.cross(ac).squaredNorm() > kFlat * ab.squaredNorm() * ac.squaredNorm())) {
+    return ClosestPointOnEdges(p, {a, b, c});
+  }
   const double d1 = ab.dot(ap), d2 = ac.dot(ap);
   if (d1 <= 0 && d2 <= 0) return at(1, 0, 0, ClosestPoint::kCorner0);
   const double d3 = ab.dot(bp), d4 = ac.dot(bp);
@@ -30,7 +61,6 @@ ClosestPoint ClosestPointOnTriangle(const Vec3& p, const Vec3& a, const Vec3& b,
     return at(0, 1 - t, t, ClosestPoint::kEdge1);
   }
   const double sum = va + vb + vc;
-  if (!(sum > 0)) return at(1, 0, 0, ClosestPoint::kCorner0);
   return at(va / sum, vb / sum, vc / sum, ClosestPoint::kFace);
 }
 

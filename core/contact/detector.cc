@@ -10,10 +10,11 @@
 namespace adhesim {
 namespace {
 
-constexpr int kGrain = 256;                    // groups: about 50 us of work
+constexpr int kGrain = 256;  // groups: about 50 us of work
 constexpr int kCandidatesPerParticle = 64;
 
-// Angle between two vectors, good to 1e-3 rad, by arithmetic alone (pseudonormals need weights, not exact angles).
+// Angle between two vectors, good to 1e-3 rad, by arithmetic alone (pseudonormals need weights, not
+// exact angles).
 double Angle(const Vec3& u, const Vec3& v) {
   const double denominator = std::sqrt(u.squaredNorm() * v.squaredNorm()) + u.dot(v);
   const double t = u.cross(v).norm();
@@ -31,7 +32,7 @@ struct Detector::Broad {
   fcl::DynamicAABBTreeCollisionManagerd manager;
   std::vector<std::shared_ptr<fcl::Boxd>> boxes;
   std::vector<std::unique_ptr<fcl::CollisionObjectd>> objects;
-  std::vector<std::pair<int, int>> pairs;   // bodies whose boxes overlap, first < second, ascending
+  std::vector<std::pair<int, int>> pairs;  // bodies whose boxes overlap, first < second, ascending
 };
 
 Detector::Detector(const Model& model, double reach_m)
@@ -98,13 +99,15 @@ void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
   }
   broad_->manager.update();
   broad_->pairs.clear();
-  broad_->manager.collide(broad_.get(), [](fcl::CollisionObjectd* first, fcl::CollisionObjectd* second, void* data) {
-    Broad& broad = *static_cast<Broad*>(data);
-    const int a = static_cast<int>(reinterpret_cast<std::intptr_t>(first->getUserData()));
-    const int b = static_cast<int>(reinterpret_cast<std::intptr_t>(second->getUserData()));
-    if (broad.pairs.size() < broad.pairs.capacity()) broad.pairs.emplace_back(std::min(a, b), std::max(a, b));
-    return false;
-  });
+  broad_->manager.collide(
+      broad_.get(), [](fcl::CollisionObjectd* first, fcl::CollisionObjectd* second, void* data) {
+        Broad& broad = *static_cast<Broad*>(data);
+        const int a = static_cast<int>(reinterpret_cast<std::intptr_t>(first->getUserData()));
+        const int b = static_cast<int>(reinterpret_cast<std::intptr_t>(second->getUserData()));
+        if (broad.pairs.size() < broad.pairs.capacity())
+          broad.pairs.emplace_back(std::min(a, b), std::max(a, b));
+        return false;
+      });
   if (broad_->pairs.size() == broad_->pairs.capacity()) report->bits |= kStepCandidateCapacity;
   std::sort(broad_->pairs.begin(), broad_->pairs.end());
   for (const auto& [a, b] : broad_->pairs) {
@@ -130,7 +133,8 @@ void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepRep
     trees_[b].Query(Aabb{x, x}.Grown(within), [&](int t) {
       const Triangle& tri = model_.triangles[t];
       const double distance_sq =
-          ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]]).distance_sq_m2;
+          ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]])
+              .distance_sq_m2;
       if (distance_sq > within * within) return;
       if (candidate_.size() == candidate_.capacity()) {
         report->bits |= kStepCandidateCapacity;
@@ -201,9 +205,10 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
   return pair;
 }
 
-// The normal whose sign tells inside from outside at the nearest feature: of the face, the sum of both faces at an
-// edge, the angle-weighted sum at a corner (Baerentzen and Aanaes 2005).
-Vec3 Detector::Pseudonormal(int triangle, ClosestPoint::Feature feature, std::span<const Vec3> position_m) const {
+// The normal whose sign tells inside from outside at the nearest feature: of the face, the sum of
+// both faces at an edge, the angle-weighted sum at a corner (Baerentzen and Aanaes 2005).
+Vec3 Detector::Pseudonormal(int triangle, ClosestPoint::Feature feature,
+                            std::span<const Vec3> position_m) const {
   const auto face_normal = [&](int t) -> Vec3 {
     const Triangle& tri = model_.triangles[t];
     const Vec3 a = position_m[tri[0]];

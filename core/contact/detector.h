@@ -15,31 +15,36 @@ namespace adhesim {
 // A particle near the surface of another body.
 struct NearPair {
   std::int32_t particle;
-  std::int32_t body;        // the other body
-  std::int32_t triangle;    // its nearest triangle (the lowest number, if several are as near)
-  Vec3 weights;             // barycentric coordinates of the nearest point
-  Vec3 normal;              // unit, from the surface to the side the particle belongs on
-  double gap_m;             // along `normal`: negative inside a closed body
-  std::int8_t side;         // +1 when `normal` is on the triangle's outer side
+  std::int32_t body;      // the other body
+  std::int32_t triangle;  // its nearest triangle (the lowest number, if several are as near)
+  Vec3 weights;           // barycentric coordinates of the nearest point
+  Vec3 normal;            // unit, from the surface to the side the particle belongs on
+  double gap_m;           // along `normal`: negative inside a closed body
+  std::int8_t side;       // +1 when `normal` is on the triangle's outer side
 };
 
 // Finds the particles within `reach` of other bodies' surfaces.
 //
-// Pairs of bodies come from FCL's dynamic AABB tree; particles against triangles from our own refitted trees, because
-// FCL's narrow phase is ten times slower than a step may last (docs/decisions). Near pairs are listed with a margin
-// (`skin`) and the list is used until something has moved half of it; what a list contains never changes a result.
+// Pairs of bodies come from FCL's dynamic AABB tree; particles against triangles from our own
+// refitted trees, because FCL's narrow phase is ten times slower than a step may last
+// (docs/decisions). Near pairs are listed with a margin
+// (`skin`) and the list is used until something has moved half of it; what a list contains never
+// changes a result.
 class Detector {
  public:
   Detector(const Model& model, double reach_m);
   ~Detector();
 
-  // Renews the list if particles have moved too far since it was made. Report bit: kStepCandidateCapacity.
+  // Renews the list if particles have moved too far since it was made. Report bit:
+  // kStepCandidateCapacity.
   void Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report);
-  // Pairs with |gap| <= reach at these positions (those of the last Update), ascending by (particle, body).
+  // Pairs with |gap| <= reach at these positions (those of the last Update), ascending by
+  // (particle, body).
   std::span<const NearPair> Find(std::span<const Vec3> position_m, Parallel* parallel);
 
   double reach_m() const { return reach_m_; }
-  // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`, overlaps `box`.
+  // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`,
+  // overlaps `box`.
   template <typename Visit>
   void QueryTriangles(const Aabb& box, const Visit& visit) const {
     for (const TriangleTree& tree : trees_) tree.Query(box, visit);
@@ -50,25 +55,27 @@ class Detector {
   // The triangles of one body that are near one particle.
   struct Group {
     std::int32_t particle, body;
-    std::int32_t first, count;   // into candidate_
-    double distance_m;           // when the list was made
+    std::int32_t first, count;  // into candidate_
+    double distance_m;          // when the list was made
   };
   void Rebuild(std::span<const Vec3> position_m, StepReport* report);
   void AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report);
   NearPair Evaluate(const Group& group, std::span<const Vec3> position_m) const;
-  Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature, std::span<const Vec3> position_m) const;
+  Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature,
+                    std::span<const Vec3> position_m) const;
 
   const Model& model_;
   double reach_m_;
   double skin_m_;
-  std::vector<TriangleTree> trees_;                     // [#bodies]
-  std::vector<std::array<std::int32_t, 3>> across_;     // [#triangles] triangle across the edge k to k + 1, or -1
+  std::vector<TriangleTree> trees_;  // [#bodies]
+  std::vector<std::array<std::int32_t, 3>>
+      across_;  // [#triangles] triangle across the edge k to k + 1, or -1
   std::unique_ptr<Broad> broad_;
-  std::vector<Vec3> listed_position_m_;                 // [#particles] when the list was made; empty: no list
-  double moved_m_ = 0;                                  // most that any particle has moved since
-  std::vector<Group> groups_;                           // ascending by (particle, body)
-  std::vector<std::int32_t> candidate_;                 // triangles, group by group
-  std::vector<NearPair> evaluated_;                     // [#groups]
+  std::vector<Vec3> listed_position_m_;  // [#particles] when the list was made; empty: no list
+  double moved_m_ = 0;                   // most that any particle has moved since
+  std::vector<Group> groups_;            // ascending by (particle, body)
+  std::vector<std::int32_t> candidate_;  // triangles, group by group
+  std::vector<NearPair> evaluated_;      // [#groups]
   std::vector<NearPair> near_;
 };
 

@@ -8,11 +8,13 @@ namespace adhesim {
 
 // How far bodies overlap.
 struct Penetration {
-  double max_depth_m = 0;      // largest distance of a particle inside another closed body to that body's surface
-  int vertices_inside = 0;     // particles inside another closed body
+  double max_depth_m =
+      0;  // largest distance of a particle inside another closed body to that body's surface
+  int vertices_inside = 0;  // particles inside another closed body
 };
 
-// Exact, by winding numbers; time is #particles x #triangles of overlapping boxes. A diagnostic, not for the step.
+// Exact, by winding numbers; time is #particles x #triangles of overlapping boxes. A diagnostic,
+// not for the step.
 Penetration MeasurePenetration(const Model& model, std::span<const Vec3> position_m);
 
 }  // namespace adhesim

@@ -9,7 +9,9 @@ TriangleTree::TriangleTree(const Model& model, const Body& body) : model_(model)
   std::vector<Vec3> centre(model.triangles.size());
   for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
     const Triangle& tri = model.triangles[t];
-    centre[t] = (model.rest_position_m[tri[0]] + model.rest_position_m[tri[1]] + model.rest_position_m[tri[2]]) / 3;
+    centre[t] = (model.rest_position_m[tri[0]] + model.rest_position_m[tri[1]] +
+                 model.rest_position_m[tri[2]]) /
+                3;
   }
   triangle_.resize(body.triangle_count);
   std::iota(triangle_.begin(), triangle_.end(), body.first_triangle);
@@ -31,8 +33,8 @@ int TriangleTree::Build(int first, int count, std::vector<Vec3>* centre) {
   int axis;
   (spread.max - spread.min).maxCoeff(&axis);
   const int half = count / 2;
-  std::nth_element(triangle_.begin() + first, triangle_.begin() + first + half, triangle_.begin() + first + count,
-                   [&](int s, int t) {
+  std::nth_element(triangle_.begin() + first, triangle_.begin() + first + half,
+                   triangle_.begin() + first + count, [&](int s, int t) {
                      const double cs = (*centre)[s](axis), ct = (*centre)[t](axis);
                      return cs != ct ? cs < ct : s < t;
                    });

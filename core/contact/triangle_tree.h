@@ -7,8 +7,8 @@
 
 namespace adhesim {
 
-// A tree of boxes over the triangles of one body. Its shape is chosen once, from the body at rest; Refit() follows the
-// deformation. A query visits triangles in a fixed order.
+// A tree of boxes over the triangles of one body. Its shape is chosen once, from the body at rest;
+// Refit() follows the deformation. A query visits triangles in a fixed order.
 class TriangleTree {
  public:
   TriangleTree(const Model& model, const Body& body);
@@ -43,15 +43,15 @@ class TriangleTree {
   static constexpr int kLeafSize = 4;
   struct Node {
     Aabb box;
-    int left = -1, right = -1;   // children, after their parent
-    int first = 0, count = 0;    // triangles of a leaf
+    int left = -1, right = -1;  // children, after their parent
+    int first = 0, count = 0;   // triangles of a leaf
   };
   int Build(int first, int count, std::vector<Vec3>* centre);
 
   const Model& model_;
   std::vector<Node> nodes_;
-  std::vector<int> triangle_;        // [#triangles of the body] leaf by leaf
-  std::vector<Aabb> triangle_box_;   // the same order
+  std::vector<int> triangle_;       // [#triangles of the body] leaf by leaf
+  std::vector<Aabb> triangle_box_;  // the same order
 };
 
 }  // namespace adhesim

@@ -12,7 +12,8 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   zone_at_root_.resize(nodes);
   member_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
-  for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_}) array->reserve(model.rest_position_m.size());
+  for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
+    array->reserve(model.rest_position_m.size());
 }
 
 void ZoneBuilder::Reserve(const Model& model, Contacts* contacts) {
@@ -89,7 +90,8 @@ void ZoneBuilder::UniteRigidBodies() {
   for (int b = 0; b < static_cast<int>(model_.bodies.size()); ++b) {
     const Body& body = model_.bodies[b];
     if (!body.rigid || body.all_fixed) continue;
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) Unite(p, BodyNode(b));
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+      Unite(p, BodyNode(b));
   }
 }
 
@@ -156,7 +158,8 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
   shared_.assign(old_count, 0);
   heir_.assign(old_count, -1);
   heir_shared_.assign(old_count, 0);
-  // Each new zone claims the old zone it shares most members with (the lowest number, if several)...
+  // Each new zone claims the old zone it shares most members with (the lowest number, if
+  // several)...
   for (int z = 0; z < static_cast<int>(contacts->zones.size()); ++z) {
     const Zone& zone = contacts->zones[z];
     int best = -1;
@@ -164,7 +167,9 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
       const int old = old_zone_of_[contacts->zone_members[k]];
       if (old < 0) continue;
       const int count = ++shared_[old];
-      if (best < 0 || count > shared_[best] || (count == shared_[best] && old_id_[old] < old_id_[best])) best = old;
+      if (best < 0 || count > shared_[best] ||
+          (count == shared_[best] && old_id_[old] < old_id_[best]))
+        best = old;
     }
     const int best_count = best >= 0 ? shared_[best] : 0;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {

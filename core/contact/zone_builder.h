@@ -9,26 +9,28 @@
 
 namespace adhesim {
 
-// Makes the zones from the bonds: connected components of the colliding particles, joined by bonds and by mesh edges
-// (union-find). The paper's create, join and merge are what falls out of it, and so are the split and the shrinking
-// that it lacks; the result does not depend on the order of events (physics notes 3.3, item 3).
+// Makes the zones from the bonds: connected components of the colliding particles, joined by bonds
+// and by mesh edges (union-find). The paper's create, join and merge are what falls out of it, and
+// so are the split and the shrinking that it lacks; the result does not depend on the order of
+// events (physics notes 3.3, item 3).
 //
-// A rigid body is one node, a tool another. Tools that differ, or a tool and a fixed particle, cannot share a zone: the
-// union that would join them is refused and kStepZoneSplitForced says so.
+// A rigid body is one node, a tool another. Tools that differ, or a tool and a fixed particle,
+// cannot share a zone: the union that would join them is refused and kStepZoneSplitForced says so.
 class ZoneBuilder {
  public:
   explicit ZoneBuilder(const Model& model);
 
-  // Rewrites zones, zone_members and zone_of. Zones keep the number of the old zone that most of their members come
-  // from. Removes from the bonds what a refused union made meaningless. Allocates nothing.
+  // Rewrites zones, zone_members and zone_of. Zones keep the number of the old zone that most of
+  // their members come from. Removes from the bonds what a refused union made meaningless.
+  // Allocates nothing.
   void Rebuild(Contacts* contacts, StepReport* report);
 
   // Reserves every array of the contacts that Rebuild and the adhesive fill.
   static void Reserve(const Model& model, Contacts* contacts);
 
  private:
-  static constexpr int kNobody = -1;   // who prescribes a component's motion: nobody,
-  static constexpr int kGround = -2;   // a fixed particle, or tool number 0, 1, ...
+  static constexpr int kNobody = -1;  // who prescribes a component's motion: nobody,
+  static constexpr int kGround = -2;  // a fixed particle, or tool number 0, 1, ...
 
   int Find(int node);
   // False when their prescribers disagree.
@@ -44,10 +46,10 @@ class ZoneBuilder {
   void KeepIds(Contacts* contacts);
 
   const Model& model_;
-  std::vector<std::int32_t> parent_;       // [#particles + #bodies + #tools]
-  std::vector<std::int32_t> prescriber_;   // of a root, likewise
-  std::vector<std::uint8_t> member_;       // [#particles] is in some zone
-  std::vector<std::int32_t> zone_at_root_; // likewise as parent_
+  std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
+  std::vector<std::int32_t> prescriber_;    // of a root, likewise
+  std::vector<std::uint8_t> member_;        // [#particles] is in some zone
+  std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]
   std::vector<std::int32_t> old_id_;       // [#old zones]

@@ -2,7 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 
-// The build writes effects_compiled.def: the lines of effects.def that are in ADHESIM_EFFECTS, and the includes.
+// The build writes effects_compiled.def: the lines of effects.def that are in ADHESIM_EFFECTS, and
+// the includes.
 #include "effects_compiled.h"
 
 namespace adhesim {

@@ -10,13 +10,15 @@
 
 namespace adhesim {
 
-// The effect that a scene's message asks for. Errors: Unimplemented when it was left out of this build.
+// The effect that a scene's message asks for. Errors: Unimplemented when it was left out of this
+// build.
 absl::StatusOr<std::unique_ptr<Effect>> MakeEffect(const Model& model, const v1::Effect& message);
 
 // Names of the effects of this build, in the order of effects.def.
 std::vector<std::string_view> AvailableEffects();
 
-// Indices of the bodies that a message's `bodies` list selects; empty list: every body that `accepts`.
+// Indices of the bodies that a message's `bodies` list selects; empty list: every body that
+// `accepts`.
 template <typename Names, typename Accepts>
 std::vector<int> SelectBodies(const Model& model, const Names& names, const Accepts& accepts) {
   std::vector<int> selected;

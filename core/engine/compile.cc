@@ -10,7 +10,8 @@ namespace adhesim {
 absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const Model> model,
                                                           const Options& options) {
   if (options.threads < 1 || options.threads > 64) {
-    return absl::InvalidArgumentError(absl::StrCat("threads: ", options.threads, " (permitted: 1 to 64)"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("threads: ", options.threads, " (permitted: 1 to 64)"));
   }
   std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options.threads));
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
@@ -26,7 +27,7 @@ absl::Status Pipeline::CompileEffects() {
   int state_size = 0;
   std::vector<const Effect*> constraints;
   for (const v1::Effect& message : model_->scene.effects()) {
-    if (message.has_virtual_adhesive()) continue;   // contact, not a force: below
+    if (message.has_virtual_adhesive()) continue;  // contact, not a force: below
     absl::StatusOr<std::unique_ptr<Effect>> effect = MakeEffect(*model_, message);
     if (!effect.ok()) return effect.status();
     kinds |= (*effect)->force_kinds();
@@ -44,14 +45,15 @@ absl::Status Pipeline::CompileEffects() {
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
   if (model_->adhesive) {
     adhesive_ = std::make_unique<Adhesive>(*model_);
-    detector_ = std::make_unique<Detector>(
-        *model_, std::max(model_->adhesive->capture_distance_m, model_->adhesive->release_distance_m));
+    detector_ = std::make_unique<Detector>(*model_, std::max(model_->adhesive->capture_distance_m,
+                                                             model_->adhesive->release_distance_m));
   }
   start_.effect_state.assign(state_size, 0);
   return absl::OkStatus();
 }
 
-// Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of the row sums.
+// Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of
+// the row sums.
 absl::Status Pipeline::ChooseSubsteps() {
   std::vector<double> stiffness(model_->rest_position_m.size(), 0), damping(stiffness.size(), 0);
   for (const auto& effect : effects_) effect->AddBounds(stiffness, damping);
@@ -67,9 +69,10 @@ absl::Status Pipeline::ChooseSubsteps() {
   }
   const double wanted = std::ceil(model_->dt_s / (model_->stability_fraction * largest_dt_s));
   if (!(wanted <= model_->max_substeps)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "an explicit step of ", model_->dt_s, " s needs ", wanted, " sub-steps to be stable; max_substeps permits ",
-        model_->max_substeps, " (raise rate_hz or max_substeps, or lower stiffness_n_m)"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("an explicit step of ", model_->dt_s, " s needs ", wanted,
+                     " sub-steps to be stable; max_substeps permits ", model_->max_substeps,
+                     " (raise rate_hz or max_substeps, or lower stiffness_n_m)"));
   }
   substeps_ = std::max(1, static_cast<int>(wanted));
   return absl::OkStatus();
@@ -79,7 +82,7 @@ absl::Status Pipeline::CompileTools() {
   const std::size_t tools = model_->tools.size();
   if (tools == 0) return absl::OkStatus();
   std::vector<ToolSet::Obstacle> obstacles;
-  std::vector<std::vector<Triangle>> local;   // triangles numbered from the body's first particle
+  std::vector<std::vector<Triangle>> local;  // triangles numbered from the body's first particle
   for (const Body& body : model_->bodies) {
     if (!body.all_fixed) continue;
     std::vector<Triangle>& triangles = local.emplace_back();
@@ -89,7 +92,8 @@ absl::Status Pipeline::CompileTools() {
       triangles.push_back(triangle);
     }
     obstacles.push_back(
-        {std::span(model_->rest_position_m).subspan(body.first_particle, body.particle_count), triangles});
+        {std::span(model_->rest_position_m).subspan(body.first_particle, body.particle_count),
+         triangles});
   }
   absl::StatusOr<std::unique_ptr<ToolSet>> set = ToolSet::Create(model_->tools, obstacles);
   if (!set.ok()) return set.status();
@@ -113,8 +117,9 @@ void Pipeline::NameStages() {
   bool rows = false;
   for (const auto& effect : effects_) {
     const bool forces = effect->force_kinds() != 0;
-    effect_stage_.push_back(forces ? clock_.Add(std::string(effect->name()), absl::StrCat("effects: ", effect->name()))
-                                   : -1);
+    effect_stage_.push_back(
+        forces ? clock_.Add(std::string(effect->name()), "effects: " + std::string(effect->name()))
+               : -1);
     rows = rows || !effect->constraints().empty();
   }
   if (tool_set_) tools_stage_ = clock_.Add("tools", "tools");

@@ -14,30 +14,35 @@
 
 namespace adhesim {
 
-// What an operator (or nobody) wants of a tool in one step. Inputs are all that a step takes from outside.
+// What an operator (or nobody) wants of a tool in one step. Inputs are all that a step takes from
+// outside.
 struct ToolInput {
-  bool has_target = false;       // false: follow the scripted trajectory, or hold when there is none
-  Pose target;                   // finite, unit quaternion: the caller has checked
-  double strength_scale = 1;     // multiplies the tool's bond strength, 0..1 (an operator lost: ramps to 0)
-  bool retracted = false;        // true: let go of everything and touch nothing
+  bool has_target = false;  // false: follow the scripted trajectory, or hold when there is none
+  Pose target;              // finite, unit quaternion: the caller has checked
+  double strength_scale =
+      1;  // multiplies the tool's bond strength, 0..1 (an operator lost: ramps to 0)
+  bool retracted = false;  // true: let go of everything and touch nothing
 };
 
 // One scene in motion. Not thread-safe: one owner thread at a time.
 //
-// Step() allocates nothing, locks nothing, throws nothing, and gives the same bits for any number of threads.
+// Step() allocates nothing, locks nothing, throws nothing, and gives the same bits for any number
+// of threads.
 class Engine {
  public:
   struct Options {
-    int threads = 1;             // worker threads including the caller's, 1..64
+    int threads = 1;  // worker threads including the caller's, 1..64
   };
 
-  // Compiles the model's effects into a pipeline. Errors: InvalidArgument for an effect that was not compiled in or
-  // a scene that needs more sub-steps than it permits.
-  static absl::StatusOr<std::unique_ptr<Engine>> Create(std::shared_ptr<const Model> model, const Options& options);
+  // Compiles the model's effects into a pipeline. Errors: InvalidArgument for an effect that was
+  // not compiled in or a scene that needs more sub-steps than it permits.
+  static absl::StatusOr<std::unique_ptr<Engine>> Create(std::shared_ptr<const Model> model,
+                                                        const Options& options);
   virtual ~Engine() = default;
 
-  // Advances by Model::dt_s. `tools` has one entry a tool, or is empty (every tool on its trajectory).
-  // A non-finite state freezes the engine: the report says so, and from then on Step() changes nothing.
+  // Advances by Model::dt_s. `tools` has one entry a tool, or is empty (every tool on its
+  // trajectory). A non-finite state freezes the engine: the report says so, and from then on Step()
+  // changes nothing.
   virtual StepReport Step(std::span<const ToolInput> tools) = 0;
 
   virtual const Model& model() const = 0;
@@ -53,7 +58,8 @@ class Engine {
   virtual Frame MakeFrame() const = 0;
   // Fills a frame made by MakeFrame(); allocates nothing.
   virtual void WriteFrame(Frame* frame) const = 0;
-  // Of positions, velocities, zones' momenta, bonds and tools; the same on every machine of one architecture.
+  // Of positions, velocities, zones' momenta, bonds and tools; the same on every machine of one
+  // architecture.
   virtual std::uint64_t StateHash() const = 0;
   // Kinetic plus elastic energy now, J. May allocate.
   virtual double MechanicalEnergy() const = 0;
@@ -61,11 +67,12 @@ class Engine {
   // One stage of the compiled pipeline.
   struct Stage {
     std::string name;
-    std::string reason;          // the part of the scene that asked for it
-    std::vector<float> us;       // wall time of the latest steps (ring), filled only when timing is on
+    std::string reason;     // the part of the scene that asked for it
+    std::vector<float> us;  // wall time of the latest steps (ring), filled only when timing is on
   };
   virtual std::span<const Stage> stages() const = 0;
-  // Times every stage of the next `capacity` steps; 0 switches it off. Allocates here, not in Step().
+  // Times every stage of the next `capacity` steps; 0 switches it off. Allocates here, not in
+  // Step().
   virtual void TimeStages(std::size_t capacity) = 0;
 };
 

@@ -9,12 +9,13 @@
 namespace adhesim {
 namespace {
 
-constexpr int kReleasePasses = 8;       // releases of one sub-step; the rest waits for the next
-constexpr double kJumpSeconds = 0.1;    // a target further than the tool goes in this time has jumped
+constexpr int kReleasePasses = 8;     // releases of one sub-step; the rest waits for the next
+constexpr double kJumpSeconds = 0.1;  // a target further than the tool goes in this time has jumped
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<Engine>> Engine::Create(std::shared_ptr<const Model> model, const Options& options) {
+absl::StatusOr<std::unique_ptr<Engine>> Engine::Create(std::shared_ptr<const Model> model,
+                                                       const Options& options) {
   return Pipeline::Compile(std::move(model), options);
 }
 
@@ -23,7 +24,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   clock_.BeginStep();
   report_ = {};
   SetTargets(tools);
-  const int substeps = SubstepsNow(tools);
+  const int substeps = SubstepsNow();
   const double dt_s = model_->dt_s / substeps;
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
@@ -31,7 +32,8 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
     state_.tools[t].tissue = {tool_impulse_[t].force_n * per_s, tool_impulse_[t].torque_nm * per_s};
-    state_.tools[t].coupling = {coupling_impulse_[t].force_n * per_s, coupling_impulse_[t].torque_nm * per_s};
+    state_.tools[t].coupling = {coupling_impulse_[t].force_n * per_s,
+                                coupling_impulse_[t].torque_nm * per_s};
   }
   ++state_.step;
   state_.time_s = static_cast<double>(state_.step) * model_->dt_s;
@@ -65,23 +67,26 @@ void Pipeline::SetTargets(std::span<const ToolInput> tools) {
   }
 }
 
-// At least what the elastic stability bound needs, and so many that nothing crosses half a capture distance in one.
-int Pipeline::SubstepsNow(std::span<const ToolInput>) {
+// At least what the elastic stability bound needs, and so many that nothing crosses half a capture
+// distance in one. Two things close in at most by the diagonal of the box around all velocities,
+// whatever they have in common.
+int Pipeline::SubstepsNow() {
   if (!detector_) return substeps_;
-  double particle_sq = 0;
-  for (const Vec3& v : state_.velocity_m_s) particle_sq = std::max(particle_sq, v.squaredNorm());
-  double tool_speed = 0;
+  Aabb velocities;
+  for (const Vec3& v : state_.velocity_m_s) velocities.Add(v);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
-    const double away = (tool.target.position_m - tool.pose.position_m).norm() / model_->dt_s;
-    tool_speed = std::max(tool_speed, std::min(model_->tools[t].coupling.max_speed_m_s,
-                                               tool.twist.linear_m_s.norm() + away));
+    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
+    const double speed = std::min(model_->tools[t].coupling.max_speed_m_s,
+                                  tool.twist.linear_m_s.norm() + away.norm());
+    velocities.Add(tool.twist.linear_m_s);
+    if (away.squaredNorm() > 0) velocities.Add(Vec3(away.normalized() * speed));
   }
-  const double particle_speed = std::sqrt(particle_sq);
-  const double closing = particle_speed + std::max(particle_speed, tool_speed);
+  const double closing = (velocities.max - velocities.min).norm();
   const double wanted = closing * model_->dt_s / (0.5 * model_->adhesive->capture_distance_m);
   if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
-  const double bounded = std::min(wanted, static_cast<double>(model_->max_substeps));
+  // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
+  const double bounded = wanted <= model_->max_substeps ? wanted : model_->max_substeps;
   return std::max(substeps_, static_cast<int>(std::ceil(bounded)));
 }
 
@@ -94,14 +99,15 @@ void Pipeline::Substep(double dt_s) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_, tool_twist_,
-           dt_s, &state_, tool_impulse_);
+  BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
+           tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
     tool.twist = tool_twist_[t];
     tool.pose.position_m += dt_s * tool.twist.linear_m_s;
-    tool.pose.orientation = (RotationStep(tool.twist.angular_rad_s, dt_s) * tool.pose.orientation).normalized();
+    tool.pose.orientation =
+        (RotationStep(tool.twist.angular_rad_s, dt_s) * tool.pose.orientation).normalized();
   }
   clock_.Lap(book_stage_);
 }
@@ -115,12 +121,12 @@ void Pipeline::DetectAndCapture(double dt_s) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
     }
-    changes += adhesive_->CaptureByTools(tool_contacts_->Find(state_, *detector_, retracted_, dt_s), state_,
-                                         &state_.contacts, &report_);
+    changes += adhesive_->CaptureByTools(tool_contacts_->Find(state_, *detector_, retracted_, dt_s),
+                                         state_, &state_.contacts, &report_);
   }
   if (changes > 0) {
     zone_builder_->Rebuild(&state_.contacts, &report_);
-    solver_->Capture(&state_);
+    solver_->Capture(&state_, tool_impulse_);
   }
   clock_.Lap(zones_stage_);
 }
@@ -131,9 +137,10 @@ void Pipeline::EvaluateForces() {
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     if (effects_[e]->force_kinds() == 0) continue;
-    const ForceInput in{state_.position_m, state_.velocity_m_s, state_.time_s,
-                        std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
-                        &parallel_};
+    const ForceInput in{
+        state_.position_m, state_.velocity_m_s, state_.time_s,
+        std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
+        &parallel_};
     elastic_j += effects_[e]->AddForces(in, out);
     clock_.Lap(effect_stage_[e]);
   }
@@ -165,13 +172,14 @@ void Pipeline::MoveTools(double dt_s) {
         applied.torque_nm += r.cross(total_force_n_[p]);
       }
     }
-    const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist, tool.target, inertia,
-                                               applied, dt_s);
+    const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist,
+                                               tool.target, inertia, applied, dt_s);
     if (result.force_limited) tool.flags |= kToolForceLimited;
     if (result.speed_limited) tool.flags |= kToolSpeedLimited;
     coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
     coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
-    tool_twist_[t] = tools_can_collide_ ? Unobstructed(static_cast<int>(t), result.twist, dt_s) : result.twist;
+    tool_twist_[t] =
+        tools_can_collide_ ? Unobstructed(static_cast<int>(t), result.twist, dt_s) : result.twist;
   }
 }
 
@@ -181,12 +189,13 @@ Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
   for (std::size_t k = 0; k < state_.tools.size(); ++k) tool_pose_[k] = state_.tools[k].pose;
   Vec3 normal;
   for (int attempt = 0; attempt < 3; ++attempt) {
-    const double fraction = tool_set_->Sweep(t, tool.pose, Advance(tool.pose, twist, dt_s), tool_pose_, &normal);
+    const double fraction =
+        tool_set_->Sweep(t, tool.pose, Advance(tool.pose, twist, dt_s), tool_pose_, &normal);
     if (fraction >= 1) return twist;
     tool.flags |= kToolObstructed;
     const double into = twist.linear_m_s.dot(normal);
     if (attempt == 0 && into < 0) {
-      twist.linear_m_s -= (1 - fraction) * into * normal;   // slide along it
+      twist.linear_m_s -= (1 - fraction) * into * normal;  // slide along it
     } else {
       twist = {twist.linear_m_s * fraction, twist.angular_rad_s * fraction};
     }
@@ -202,19 +211,21 @@ void Pipeline::Solve(double dt_s) {
       report_.bits |= kStepReleasePasses;
       return;
     }
-    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_, &state_.contacts);
+    const int released =
+        adhesive_->Release(solver_->load_n(), state_, strength_scale_, &state_.contacts);
     if (released == 0) return;
     report_.releases += released;
     zone_builder_->Rebuild(&state_.contacts, &report_);
     // Letting go changes no velocity; this only renews the zones' own momenta.
-    solver_->Capture(&state_);
+    solver_->Capture(&state_, tool_impulse_);
   }
 }
 
 bool Pipeline::Finite() const {
   double sum = state_.ledger.kinetic_j;
   for (const Vec3& x : state_.position_m) sum += x.sum();
-  for (const ToolState& tool : state_.tools) sum += tool.pose.position_m.sum() + tool.tissue.force_n.sum();
+  for (const ToolState& tool : state_.tools)
+    sum += tool.pose.position_m.sum() + tool.tissue.force_n.sum();
   return std::isfinite(sum);
 }
 
@@ -226,7 +237,8 @@ void Pipeline::Restore(const State& state) {
 double Pipeline::MechanicalEnergy() const {
   // On copies: forces are evaluated for their energy only.
   std::array<std::vector<Vec3>, kForceKinds> force;
-  for (int kind = 0; kind < kForceKinds; ++kind) force[kind].assign(force_n_[kind].size(), Vec3::Zero());
+  for (int kind = 0; kind < kForceKinds; ++kind)
+    force[kind].assign(force_n_[kind].size(), Vec3::Zero());
   std::vector<double> effect_state = state_.effect_state;
   const ForceOutput out{force[0], force[1], force[2], force[3]};
   return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, out);
@@ -236,7 +248,8 @@ double Pipeline::SumElasticEnergy(std::span<double> effect_state, const ForceOut
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const ForceInput in{state_.position_m, state_.velocity_m_s, state_.time_s,
-                        effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()), &parallel_};
+                        effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
+                        &parallel_};
     elastic_j += effects_[e]->AddForces(in, out);
   }
   return elastic_j;
@@ -259,7 +272,8 @@ void Pipeline::WriteFrame(Frame* frame) const {
   frame->kinetic_energy_j = state_.ledger.kinetic_j;
   frame->colliding_particles = state_.contacts.colliding_particles;
   for (std::size_t p = 0; p < state_.position_m.size(); ++p) {
-    for (int k = 0; k < 3; ++k) frame->position_m[3 * p + k] = static_cast<float>(state_.position_m[p](k));
+    for (int k = 0; k < 3; ++k)
+      frame->position_m[3 * p + k] = static_cast<float>(state_.position_m[p](k));
     const int zone = state_.contacts.zone_of[p];
     frame->zone_of[p] = zone >= 0 ? state_.contacts.zones[zone].id : -1;
   }
@@ -288,7 +302,8 @@ class Hasher {
  public:
   void Add(std::uint64_t word) {
     const auto product = static_cast<unsigned __int128>(hash_ ^ word) * 0x9e3779b97f4a7c15ull;
-    hash_ = static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64) ^ (word << 1);
+    hash_ = static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64) ^
+            (word << 1);
   }
   void Add(double value) { Add(std::bit_cast<std::uint64_t>(value)); }
   void Add(const Vec3& v) {
@@ -319,7 +334,8 @@ std::uint64_t Pipeline::StateHash() const {
   }
   for (int zone : state_.contacts.zone_of) hash.Add(static_cast<std::uint64_t>(zone));
   for (const Bond& bond : state_.contacts.bonds) {
-    for (int value : {bond.particle, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1], bond.vertices[2]}) {
+    for (int value : {bond.particle, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1],
+                      bond.vertices[2]}) {
       hash.Add(static_cast<std::uint64_t>(value));
     }
   }

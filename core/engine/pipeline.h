@@ -17,11 +17,13 @@
 
 namespace adhesim {
 
-// The engine: a scene's effects compiled into stages. A sub-step is detect, zones, forces, tools, solve (which may let
-// go and try again), book, move. What a scene does not name is a null pointer or an empty array here.
+// The engine: a scene's effects compiled into stages. A sub-step is detect, zones, forces, tools,
+// solve (which may let go and try again), book, move. What a scene does not name is a null pointer
+// or an empty array here.
 class Pipeline : public Engine {
  public:
-  static absl::StatusOr<std::unique_ptr<Engine>> Compile(std::shared_ptr<const Model> model, const Options& options);
+  static absl::StatusOr<std::unique_ptr<Engine>> Compile(std::shared_ptr<const Model> model,
+                                                         const Options& options);
 
   StepReport Step(std::span<const ToolInput> tools) override;
   const Model& model() const override { return *model_; }
@@ -38,14 +40,15 @@ class Pipeline : public Engine {
   void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }
 
  private:
-  Pipeline(std::shared_ptr<const Model> model, int threads) : model_(std::move(model)), parallel_(threads) {}
+  Pipeline(std::shared_ptr<const Model> model, int threads)
+      : model_(std::move(model)), parallel_(threads) {}
   absl::Status CompileEffects();
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
   void NameStages();
   void MakeStartState();
 
-  int SubstepsNow(std::span<const ToolInput> tools);
+  int SubstepsNow();
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
   void DetectAndCapture(double dt_s);
@@ -64,26 +67,27 @@ class Pipeline : public Engine {
   StepReport report_;
 
   std::vector<std::unique_ptr<Effect>> effects_;
-  std::vector<int> effect_state_first_;           // [#effects] into State::effect_state
-  std::unique_ptr<Detector> detector_;            // null without contact
+  std::vector<int> effect_state_first_;  // [#effects] into State::effect_state
+  std::unique_ptr<Detector> detector_;   // null without contact
   std::unique_ptr<Adhesive> adhesive_;
   std::unique_ptr<ZoneBuilder> zone_builder_;
-  std::unique_ptr<ToolSet> tool_set_;             // null without tools
+  std::unique_ptr<ToolSet> tool_set_;  // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
-  bool tools_can_collide_ = false;                // obstacles, or more than one tool
+  bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
   // Scratch.
-  std::array<std::vector<Vec3>, kForceKinds> force_n_;   // [#particles] each; empty: no effect adds that kind
-  std::vector<Vec3> total_force_n_;                      // [#particles]
-  std::vector<Twist> tool_twist_;                        // [#tools] for the coming sub-step
-  std::vector<Pose> tool_pose_;                          // [#tools]
+  std::array<std::vector<Vec3>, kForceKinds>
+      force_n_;                      // [#particles] each; empty: no effect adds that kind
+  std::vector<Vec3> total_force_n_;  // [#particles]
+  std::vector<Twist> tool_twist_;    // [#tools] for the coming sub-step
+  std::vector<Pose> tool_pose_;      // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
   std::vector<double> strength_scale_;                   // [#tools]
   std::vector<std::uint8_t> retracted_;                  // [#tools]
 
   StageClock clock_;
-  std::vector<int> effect_stage_;                        // [#effects]
+  std::vector<int> effect_stage_;  // [#effects]
   int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, book_stage_ = 0;
 };
 

@@ -10,12 +10,14 @@
 
 namespace adhesim {
 
-// Finds the triangles near tools: the detector's trees against the tools' boxes, then the tools' own shapes.
+// Finds the triangles near tools: the detector's trees against the tools' boxes, then the tools'
+// own shapes.
 class ToolContacts {
  public:
   ToolContacts(const Model& model, const ToolSet& tools);
 
-  // Ascending by (tool, triangle); tools that `retracted` [#tools] names touch nothing. Valid until the next call.
+  // Ascending by (tool, triangle); tools that `retracted` [#tools] names touch nothing. Valid until
+  // the next call.
   std::span<const Adhesive::NearTool> Find(const State& state, const Detector& detector,
                                            std::span<const std::uint8_t> retracted, double dt_s);
 

@@ -26,8 +26,8 @@ struct ForceInput {
   Parallel* parallel;
 };
 
-// Where forces go: N, [#particles], already zero before the first effect adds to them. Only the arrays of the kinds
-// that an effect declares may be touched.
+// Where forces go: N, [#particles], already zero before the first effect adds to them. Only the
+// arrays of the kinds that an effect declares may be touched.
 struct ForceOutput {
   std::span<Vec3> elastic;
   std::span<Vec3> damping;
@@ -35,17 +35,19 @@ struct ForceOutput {
   std::span<Vec3> drag;
 };
 
-// A constraint row: a function of the particles [first, first + count), kept at zero. Rows of a scene do not overlap.
+// A constraint row: a function of the particles [first, first + count), kept at zero. Rows of a
+// scene do not overlap.
 struct ConstraintRow {
   int first = 0;
   int count = 0;
   double scale = 1;  // a residual of this size is a relative error of 1
 };
 
-// Something that acts on bodies. Made once from its message; const afterwards: what evolves is in State.
+// Something that acts on bodies. Made once from its message; const afterwards: what evolves is in
+// State.
 //
-// An author overrides either the force part or the constraint part; masses, integration, zones, ledgers, snapshots and
-// threads are the engine's.
+// An author overrides either the force part or the constraint part; masses, integration, zones,
+// ledgers, snapshots and threads are the engine's.
 class Effect {
  public:
   virtual ~Effect() = default;
@@ -57,8 +59,8 @@ class Effect {
   virtual unsigned force_kinds() const { return 0; }
   // Adds its forces and returns its elastic energy, J. Allocates nothing.
   virtual double AddForces(const ForceInput& in, const ForceOutput& out) const { return 0; }
-  // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N s/m]: the explicit
-  // stability bound comes from them.
+  // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N
+  // s/m]: the explicit stability bound comes from them.
   virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}
   // Numbers of State::effect_state that it keeps, and their values at the start.
   virtual int state_size() const { return 0; }
@@ -67,9 +69,11 @@ class Effect {
   // --- Constraints.
   virtual std::span<const ConstraintRow> constraints() const { return {}; }
   // One residual a row.
-  virtual void ConstraintResiduals(std::span<const Vec3> position_m, std::span<double> residual) const {}
+  virtual void ConstraintResiduals(std::span<const Vec3> position_m,
+                                   std::span<double> residual) const {}
   // The rows' gradients, each written into its particles of [#particles].
-  virtual void ConstraintGradients(std::span<const Vec3> position_m, std::span<Vec3> gradient) const {}
+  virtual void ConstraintGradients(std::span<const Vec3> position_m,
+                                   std::span<Vec3> gradient) const {}
 };
 
 }  // namespace adhesim

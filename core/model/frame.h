@@ -9,61 +9,63 @@ namespace adhesim {
 
 // What a tool is and feels after a step.
 struct ToolFrame {
-  Pose pose;                       // where it is
-  Pose target;                     // where it was told to be
-  Twist twist;                     // of its tip
-  Wrench tissue;                   // force and torque of tissue on the tool, about the tip
-  Wrench coupling;                 // force and torque of the virtual coupling on the tool, about the tip
+  Pose pose;        // where it is
+  Pose target;      // where it was told to be
+  Twist twist;      // of its tip
+  Wrench tissue;    // force and torque of tissue on the tool, about the tip
+  Wrench coupling;  // force and torque of the virtual coupling on the tool, about the tip
   std::int32_t colliding_particles = 0;
-  std::uint32_t flags = 0;         // ToolFlag bits
+  std::uint32_t flags = 0;  // ToolFlag bits
 };
 
 enum ToolFlag : std::uint32_t {
-  kToolSpeedLimited = 1u << 0,     // held back by max_speed_m_s
-  kToolForceLimited = 1u << 1,     // held back by max_force_n or max_torque_nm
-  kToolObstructed = 1u << 2,       // stopped by a fixed obstacle or another tool
-  kToolTargetJumped = 1u << 3,     // the target moved further in this step than the tool goes in 0.1 s
-  kToolOperatorLost = 1u << 4,     // set by the session: no pose for a while
-  kToolRetracted = 1u << 5,        // out of contact by command
+  kToolSpeedLimited = 1u << 0,  // held back by max_speed_m_s
+  kToolForceLimited = 1u << 1,  // held back by max_force_n or max_torque_nm
+  kToolObstructed = 1u << 2,    // stopped by a fixed obstacle or another tool
+  kToolTargetJumped = 1u << 3,  // the target moved further in this step than the tool goes in 0.1 s
+  kToolOperatorLost = 1u << 4,  // set by the session: no pose for a while
+  kToolRetracted = 1u << 5,     // out of contact by command
 };
 
 // A virtual adhesive, or any other group that moves as one.
 struct ZoneFrame {
-  std::int32_t id = 0;             // keeps its number while the zone lives
+  std::int32_t id = 0;  // keeps its number while the zone lives
   std::int32_t members = 0;
   std::int32_t bodies = 0;
-  std::int32_t tool = -1;          // the tool that drives it, or -1
+  std::int32_t tool = -1;  // the tool that drives it, or -1
   Vec3 centre_m = Vec3::Zero();
-  double load = 0;                 // largest member load over its strength; 1 lets go
+  double load = 0;  // largest member load over its strength; 1 lets go
 };
 
 // Bits of StepReport::bits; each says which limit to raise.
 enum StepBit : std::uint32_t {
-  kStepNonFinite = 1u << 0,          // the state became non-finite: the engine is frozen, nothing is published
-  kStepBondCapacity = 1u << 1,       // more contacts than the engine reserved
-  kStepReleasePasses = 1u << 2,      // releases continued into the next step
-  kStepVolumeNotMet = 1u << 3,       // the volume iteration did not converge
-  kStepSubstepLimit = 1u << 4,       // something moved more than half a capture distance in a sub-step
+  kStepNonFinite =
+      1u << 0,  // the state became non-finite: the engine is frozen, nothing is published
+  kStepBondCapacity = 1u << 1,   // more contacts than the engine reserved
+  kStepReleasePasses = 1u << 2,  // releases continued into the next step
+  kStepVolumeNotMet = 1u << 3,   // the volume iteration did not converge
+  kStepSubstepLimit = 1u << 4,   // something moved more than half a capture distance in a sub-step
   kStepZoneSplitForced = 1u << 5,    // tools or pins that disagree met in one zone; it was split
   kStepCandidateCapacity = 1u << 6,  // more near pairs than the engine reserved
 };
 
 // What happened in a step.
 struct StepReport {
-  std::uint32_t bits = 0;           // StepBit
-  std::int32_t captures = 0;        // bonds made
-  std::int32_t releases = 0;        // particles that let go
+  std::uint32_t bits = 0;     // StepBit
+  std::int32_t captures = 0;  // bonds made
+  std::int32_t releases = 0;  // particles that let go
 };
 
-// The state as it leaves the engine after a step: immutable once published. All arrays are sized at creation.
+// The state as it leaves the engine after a step: immutable once published. All arrays are sized at
+// creation.
 struct Frame {
   std::uint64_t step = 0;
   double time_s = 0;
   StepReport report;
-  std::vector<float> position_m;          // [#particles x 3]
-  std::vector<std::int32_t> zone_of;      // [#particles] ZoneFrame::id, or -1
-  std::vector<ZoneFrame> zones;           // capacity fixed; size varies
-  std::vector<ToolFrame> tools;           // [#tools]
+  std::vector<float> position_m;      // [#particles x 3]
+  std::vector<std::int32_t> zone_of;  // [#particles] ZoneFrame::id, or -1
+  std::vector<ZoneFrame> zones;       // capacity fixed; size varies
+  std::vector<ToolFrame> tools;       // [#tools]
   std::int32_t colliding_particles = 0;
   double kinetic_energy_j = 0;
 };

@@ -25,7 +25,8 @@ struct Pose {
   Vec3 operator*(const Vec3& local) const { return orientation * local + position_m; }
 };
 
-// A rigid motion about a stated point: the point's velocity [m/s] and the angular velocity [rad/s], world axes.
+// A rigid motion about a stated point: the point's velocity [m/s] and the angular velocity [rad/s],
+// world axes.
 struct Twist {
   Vec3 linear_m_s = Vec3::Zero();
   Vec3 angular_rad_s = Vec3::Zero();
@@ -62,8 +63,8 @@ struct Aabb {
 
 // A surface as it is read or generated, before it becomes the particles of a body.
 struct TriangleMesh {
-  std::vector<Vec3> vertices;        // [#vertices] m
-  std::vector<Triangle> triangles;   // [#triangles] indices into `vertices`
+  std::vector<Vec3> vertices;       // [#vertices] m
+  std::vector<Triangle> triangles;  // [#triangles] indices into `vertices`
 };
 
 // The matrix with CrossMatrix(a) * b == a.cross(b).

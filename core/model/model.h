@@ -15,15 +15,15 @@ namespace adhesim {
 // One body: a contiguous range of the model's particles and of its triangles.
 struct Body {
   std::string name;
-  bool rigid = false;                 // all its particles are one rigid zone
-  bool closed = false;                // its surface encloses a volume
-  bool all_fixed = false;             // none of its particles can move: an obstacle
+  bool rigid = false;      // all its particles are one rigid zone
+  bool closed = false;     // its surface encloses a volume
+  bool all_fixed = false;  // none of its particles can move: an obstacle
   std::int32_t first_particle = 0;
   std::int32_t particle_count = 0;
   std::int32_t first_triangle = 0;
   std::int32_t triangle_count = 0;
-  double rest_volume_m3 = 0;          // of the mesh; closed bodies only
-  double size_m = 0;                  // diagonal of its bounding box at rest
+  double rest_volume_m3 = 0;  // of the mesh; closed bodies only
+  double size_m = 0;          // diagonal of its bounding box at rest
 };
 
 struct NeedleShape {
@@ -34,7 +34,8 @@ struct LancetShape {
 };
 using ToolShape = std::variant<NeedleShape, LancetShape>;
 
-// Parameters of the damped spring between a tool and its target (see VirtualCoupling in scene.proto).
+// Parameters of the damped spring between a tool and its target (see VirtualCoupling in
+// scene.proto).
 struct CouplingParameters {
   double stiffness_n_m = 1000;
   double angular_stiffness_nm_rad = 5;
@@ -62,8 +63,9 @@ struct ToolModel {
   Pose start;
   CouplingParameters coupling;
   Strength strength{0, 0};
-  double sticky_length_m = std::numeric_limits<double>::infinity();  // behind the tip; further up nothing sticks
-  std::vector<TimedPose> trajectory;                                 // by time; empty: none
+  double sticky_length_m =
+      std::numeric_limits<double>::infinity();  // behind the tip; further up nothing sticks
+  std::vector<TimedPose> trajectory;            // by time; empty: none
 };
 
 // The paper's strength: a displacement per reference step (physics: F_c = kappa m / dt_ref^2).
@@ -74,8 +76,8 @@ struct KappaStrength {
 
 // Parameters of the virtual adhesive between bodies; absent in a scene without it.
 struct AdhesiveParameters {
-  double capture_distance_m = 0;   // d_on
-  double release_distance_m = 0;   // d_off > d_on
+  double capture_distance_m = 0;  // d_on
+  double release_distance_m = 0;  // d_off > d_on
   Strength strength;
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
 };
@@ -90,24 +92,26 @@ struct Model {
 
   std::vector<Body> bodies;
   // Particles [#particles].
-  std::vector<Vec3> rest_position_m;        // placed in the world, at the start of the scene
+  std::vector<Vec3> rest_position_m;  // placed in the world, at the start of the scene
   std::vector<Vec3> initial_velocity_m_s;
-  std::vector<double> mass_kg;              // > 0
-  std::vector<double> area_m2;              // a third of the incident triangles' area at rest
-  std::vector<std::uint8_t> fixed;          // 1: never moves
-  std::vector<std::int32_t> body_of;        // index into `bodies`
+  std::vector<double> mass_kg;        // > 0
+  std::vector<double> area_m2;        // a third of the incident triangles' area at rest
+  std::vector<std::uint8_t> fixed;    // 1: never moves
+  std::vector<std::int32_t> body_of;  // index into `bodies`
   // Surface [#triangles], global particle indices.
   std::vector<Triangle> triangles;
-  // 1-ring neighbours: those of particle i are neighbours[neighbour_start[i] .. neighbour_start[i + 1]), ascending.
+  // 1-ring neighbours: those of particle i are neighbours[neighbour_start[i] .. neighbour_start[i +
+  // 1]), ascending.
   std::vector<std::int32_t> neighbour_start;  // [#particles + 1]
   std::vector<std::int32_t> neighbours;
   // Triangles at a particle, the same way.
-  std::vector<std::int32_t> incident_start;   // [#particles + 1]
+  std::vector<std::int32_t> incident_start;  // [#particles + 1]
   std::vector<std::int32_t> incident;
 
   std::vector<ToolModel> tools;
   std::optional<AdhesiveParameters> adhesive;
-  // The scene that this was made from, with defaults filled in: the effects read their messages here.
+  // The scene that this was made from, with defaults filled in: the effects read their messages
+  // here.
   v1::Scene scene;
 
   int particle_count() const { return static_cast<int>(rest_position_m.size()); }

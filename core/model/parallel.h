@@ -7,8 +7,9 @@
 
 namespace adhesim {
 
-// A fixed team of threads for loops whose iterations write disjoint results, so that the number of threads never
-// changes a bit. For() allocates nothing and takes no lock; workers sleep on a futex between loops.
+// A fixed team of threads for loops whose iterations write disjoint results, so that the number of
+// threads never changes a bit. For() allocates nothing and takes no lock; workers sleep on a futex
+// between loops.
 class Parallel {
  public:
   // `threads` counts the calling thread; 1 starts no worker.
@@ -19,15 +20,20 @@ class Parallel {
 
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-  // Calls body(begin, end) on consecutive ranges that cover [0, count). Ranges shorter than `grain` are not split:
-  // waking a thread costs some 10 us, so a grain should hold at least that much work.
+  // Calls body(begin, end) on consecutive ranges that cover [0, count). Ranges shorter than `grain`
+  // are not split: waking a thread costs some 10 us, so a grain should hold at least that much
+  // work.
   template <typename Body>
   void For(int count, int grain, const Body& body) {
     if (workers_.empty() || count <= grain) {
       if (count > 0) body(0, count);
       return;
     }
-    Run(count, [](const void* context, int begin, int end) { (*static_cast<const Body*>(context))(begin, end); },
+    Run(
+        count,
+        [](const void* context, int begin, int end) {
+          (*static_cast<const Body*>(context))(begin, end);
+        },
         &body);
   }
 

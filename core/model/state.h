@@ -10,98 +10,102 @@ namespace adhesim {
 
 // A contact that holds: a particle on a triangle, or a tool on a triangle.
 struct Bond {
-  std::int32_t particle = -1;              // the particle, or -1 for a tool's bond
-  std::int32_t tool = -1;                  // the tool, or -1
-  std::int32_t triangle = -1;              // the triangle on the other side
-  std::array<std::int32_t, 3> vertices{};  // its particles that are members, -1 where let go or of negligible weight
-  std::array<double, 3> weights{};         // barycentric coordinates of the contact point
-  std::int8_t side = 1;                    // +1: the particle is on the side that the triangle's normal points to
-  std::int8_t gap_sign = 1;                // -1: the particle was inside a closed body when captured
-  bool sticky = true;                      // false: no strength (a tool's bare shaft)
-  Vec3 tool_normal = Vec3::Zero();         // tool bonds: unit, from tool to tissue, in the tool's frame
+  std::int32_t particle = -1;  // the particle, or -1 for a tool's bond
+  std::int32_t tool = -1;      // the tool, or -1
+  std::int32_t triangle = -1;  // the triangle on the other side
+  std::array<std::int32_t, 3>
+      vertices{};  // its particles that are members, -1 where let go or of negligible weight
+  std::array<double, 3> weights{};  // barycentric coordinates of the contact point
+  std::int8_t side = 1;      // +1: the particle is on the side that the triangle's normal points to
+  std::int8_t gap_sign = 1;  // -1: the particle was inside a closed body when captured
+  bool sticky = true;        // false: no strength (a tool's bare shaft)
+  Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
 };
 
-// A pair that let go and may not stick again before it has been further apart than d_off or is pressed closer.
+// A pair that let go and may not stick again before it has been further apart than d_off or is
+// pressed closer.
 struct ReleasedPair {
   std::int32_t particle = -1;
-  std::int32_t other = -1;      // body, or -1 - tool
-  double gap_m = 0;             // when it let go
+  std::int32_t other = -1;  // body, or -1 - tool
+  double gap_m = 0;         // when it let go
 };
 
 // A group of particles that moves as one rigid body.
 struct Zone {
   std::int32_t id = 0;
-  std::int32_t first = 0;       // into Contacts::zone_members
+  std::int32_t first = 0;  // into Contacts::zone_members
   std::int32_t count = 0;
-  std::int32_t tool = -1;       // driven by this tool, or -1
-  std::int32_t rigid_body = -1; // holds this rigid body (the lowest, if several), or -1
-  std::int32_t pins = 0;        // fixed particles among the members
-  std::int32_t bodies = 0;      // different bodies among the members
-  Vec3 centre_m = Vec3::Zero();            // centre of mass
-  Vec3 momentum_kg_m_s = Vec3::Zero();     // P
+  std::int32_t tool = -1;               // driven by this tool, or -1
+  std::int32_t rigid_body = -1;         // holds this rigid body (the lowest, if several), or -1
+  std::int32_t pins = 0;                // fixed particles among the members
+  std::int32_t bodies = 0;              // different bodies among the members
+  Vec3 centre_m = Vec3::Zero();         // centre of mass
+  Vec3 momentum_kg_m_s = Vec3::Zero();  // P
   Vec3 angular_momentum_kg_m2_s = Vec3::Zero();  // L about `centre_m`
-  double load = 0;              // largest member load over its strength in the last sub-step
+  double load = 0;  // largest member load over its strength in the last sub-step
 };
 
 // All contact that evolves. Capacities are reserved at load.
 struct Contacts {
-  std::vector<Bond> bonds;                     // ascending by key
-  std::vector<ReleasedPair> released;          // ascending by (particle, other)
-  std::vector<Zone> zones;                     // ascending by first member
-  std::vector<std::int32_t> zone_members;      // [sum of counts] particles, ascending within a zone
-  std::vector<std::int32_t> zone_of;           // [#particles] index into `zones`, or -1
+  std::vector<Bond> bonds;                 // ascending by key
+  std::vector<ReleasedPair> released;      // ascending by (particle, other)
+  std::vector<Zone> zones;                 // ascending by first member
+  std::vector<std::int32_t> zone_members;  // [sum of counts] particles, ascending within a zone
+  std::vector<std::int32_t> zone_of;       // [#particles] index into `zones`, or -1
   std::int32_t next_zone_id = 0;
-  std::int32_t colliding_particles = 0;        // different particles among the bonds
+  std::int32_t colliding_particles = 0;  // different particles among the bonds
 };
 
 struct ToolState {
   Pose pose;
-  Twist twist;                  // of the tip
+  Twist twist;  // of the tip
   Pose target;
-  Wrench tissue;                // of tissue on the tool, about the tip, mean over the last step
+  Wrench tissue;  // of tissue on the tool, about the tip, mean over the last step
   Wrench coupling;
   std::uint32_t flags = 0;
 };
 
 // Energy booked since the start; each term by its own formula (physics notes 3.7). All J.
 struct Ledger {
-  double initial_j = 0;          // kinetic + elastic at the start
-  double external_work_j = 0;    // of gravity and attraction
-  double tool_work_j = 0;        // of tools on tissue
-  double captured_j = 0;         // lost when particles join a zone (>= 0)
-  double viscous_j = 0;          // lost to drag and damping (>= 0)
-  double rotation_j = 0;         // gained by the rotation of zones (round-off)
-  double volume_j = 0;           // work of the volume constraint's impulses (second order in dt)
-  double numerical_j = 0;        // -(change of elastic energy + elastic work): lost by the time integration
-  double correction_j = 0;       // gained by position corrections
-  double elastic_j = 0;          // elastic energy when last evaluated
-  double elastic_work_j = 0;     // of elastic forces since then
-  double kinetic_j = 0;          // kinetic energy when last summed
-  double reference_j = 0;        // E_ref without the work terms: max of kinetic + elastic
-  double abs_external_j = 0;     // sum of |external work|
-  double abs_tool_j = 0;         // sum of |tool work|
-  double worst_j = 0;            // largest imbalance of one sub-step
+  double initial_j = 0;        // kinetic + elastic at the start
+  double external_work_j = 0;  // of gravity and attraction
+  double tool_work_j = 0;      // of tools on tissue
+  double captured_j = 0;       // lost when particles join a zone (>= 0)
+  double viscous_j = 0;        // lost to drag and damping (>= 0)
+  double rotation_j = 0;       // gained by the rotation of zones (round-off)
+  double volume_j = 0;         // work of the volume constraint's impulses (second order in dt)
+  double numerical_j =
+      0;  // -(change of elastic energy + elastic work): lost by the time integration
+  double correction_j = 0;    // gained by position corrections
+  double elastic_j = 0;       // elastic energy when last evaluated
+  double elastic_work_j = 0;  // of elastic forces since then
+  double kinetic_j = 0;       // kinetic energy when last summed
+  double reference_j = 0;     // E_ref without the work terms: max of kinetic + elastic
+  double abs_external_j = 0;  // sum of |external work|
+  double abs_tool_j = 0;      // sum of |tool work|
+  double worst_j = 0;         // largest imbalance of one sub-step
 };
 
 // Linear and angular momentum booked since the start.
 struct MomentumLedger {
-  Vec3 initial_linear = Vec3::Zero();      // kg m/s
-  Vec3 initial_angular = Vec3::Zero();     // about the world's origin, kg m^2/s
-  Vec3 impulse_linear = Vec3::Zero();      // of fields, drag, pins and tools
+  Vec3 initial_linear = Vec3::Zero();   // kg m/s
+  Vec3 initial_angular = Vec3::Zero();  // about the world's origin, kg m^2/s
+  Vec3 impulse_linear = Vec3::Zero();   // of fields, drag, pins and tools
   Vec3 impulse_angular = Vec3::Zero();
-  double scale_linear = 0;                 // max of sum m |v|
-  double scale_angular = 0;                // max of sum |r| m |v|
+  double scale_linear = 0;   // max of sum m |v|
+  double scale_angular = 0;  // max of sum |r| m |v|
 };
 
 // Everything that evolves: one copyable value. Snapshot, reset and history are copies of it.
 struct State {
   std::uint64_t step = 0;
   double time_s = 0;
-  std::vector<Vec3> position_m;      // [#particles] written by `move`
-  std::vector<Vec3> velocity_m_s;    // [#particles] written by `move` and `zones`
-  std::vector<double> effect_state;  // what effects declared (rotations, damage); each knows its part
-  Contacts contacts;                 // written by `zones` and `solve`
-  std::vector<ToolState> tools;      // [#tools] written by `tools` and `move`
+  std::vector<Vec3> position_m;    // [#particles] written by `move`
+  std::vector<Vec3> velocity_m_s;  // [#particles] written by `move` and `zones`
+  std::vector<double>
+      effect_state;              // what effects declared (rotations, damage); each knows its part
+  Contacts contacts;             // written by `zones` and `solve`
+  std::vector<ToolState> tools;  // [#tools] written by `tools` and `move`
   Ledger ledger;
   MomentumLedger momentum;
 };

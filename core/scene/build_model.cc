@@ -1,5 +1,7 @@
 #include "core/scene/build_model.h"
 
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
@@ -11,66 +13,87 @@
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/generate.h"
+#include "core/scene/mesh/read_mesh.h"
+#include "core/scene/mesh/read_surface.h"
 #include "core/scene/mesh/topology.h"
 #include "core/scene/place_body.h"
 
 namespace adhesim {
 namespace {
 
-// Beyond this a scene takes minutes per simulated second; the limit keeps a slip of the keyboard (a
-// sheet of a thousand by a thousand, a hundred times) from exhausting the machine's memory.
-constexpr int kMaxParticles = 2'000'000;
+// Far beyond what runs in real time. The limit keeps a slip of the keyboard (a sheet of a thousand
+// by a thousand, a hundred times) from exhausting the machine's memory.
+constexpr int kMaxParticles = 1'000'000;
 
 bool HasError(const Problems& problems) {
   return std::any_of(problems.begin(), problems.end(), [](const Problem& p) { return !p.warning; });
 }
 
-// The surface of a body in its shape's own coordinates, and the field that names it.
-struct Surface {
-  TriangleMesh mesh;
-  std::string field;  // within the body: "mesh.file"
-};
-
-// The body's surface, or nothing and a problem.
-std::optional<Surface> MakeSurface(const v1::Body& body, const std::string& directory,
-                                   const std::string& path, Problems* problems) {
+// The surface of a body in its shape's own coordinates [m].
+absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string& directory) {
+  const auto count = [](const google::protobuf::Message& message, const char* field) {
+    return static_cast<int>(NumberOf(message, field));
+  };
   switch (body.shape_case()) {
     case v1::Body::kIcosphere:
-      return Surface{MakeIcosphere(body.icosphere().radius_m(),
-                                   static_cast<int>(NumberOf(body.icosphere(), "subdivisions"))),
-                     "icosphere"};
+      return MakeIcosphere(body.icosphere().radius_m(), count(body.icosphere(), "subdivisions"));
     case v1::Body::kSheet:
-      return Surface{MakeSheet(body.sheet().length_m(), body.sheet().width_m(),
-                               static_cast<int>(body.sheet().columns()),
-                               static_cast<int>(body.sheet().rows())),
-                     "sheet"};
+      return MakeSheet(body.sheet().length_m(), body.sheet().width_m(),
+                       count(body.sheet(), "columns"), count(body.sheet(), "rows"));
     case v1::Body::kBlock:
-      return Surface{MakeBlock(Vec3Of(body.block(), "size_m"),
-                               static_cast<int>(NumberOf(body.block(), "cells"))),
-                     "block"};
-    default:
-      problems->push_back({path, "this shape cannot be made yet"});
-      return std::nullopt;
+      return MakeBlock(Vec3Of(body.block(), "size_m"), count(body.block(), "cells"));
+    case v1::Body::kOrgan:
+      return MakeOrgan(NumberOf(body.organ(), "length_m"), count(body.organ(), "particles"));
+    case v1::Body::kMesh: {
+      const absl::StatusOr<std::string> file = ResolveFile(body.mesh().file(), directory);
+      if (!file.ok()) return file.status();
+      absl::StatusOr<TriangleMesh> mesh = ReadMesh(*file);
+      if (!mesh.ok()) return mesh;
+      for (Vec3& v : mesh->vertices) v *= NumberOf(body.mesh(), "scale_m");
+      return mesh;
+    }
+    case v1::Body::kLabelMap: {
+      const absl::StatusOr<std::string> file = ResolveFile(body.label_map().file(), directory);
+      if (!file.ok()) return file.status();
+      return ReadLabelSurface(*file, count(body.label_map(), "particles"));
+    }
+    case v1::Body::SHAPE_NOT_SET:
+      break;
   }
+  return absl::InvalidArgumentError("the body has no shape");
+}
+
+// The field that a body's surface comes from, for messages about it: "bodies[1].mesh.file".
+std::string SurfacePath(const v1::Body& body, const std::string& path) {
+  const auto* shape = body.GetDescriptor()->FindOneofByName("shape");
+  const auto* field = body.GetReflection()->GetOneofFieldDescriptor(body, shape);
+  if (field == nullptr) return path;
+  return absl::StrCat(path, ".", field->name(),
+                      body.has_mesh() || body.has_label_map() ? ".file" : "");
 }
 
 void BuildBody(const v1::Body& body, int index, const std::string& directory, Model* model,
                Problems* problems) {
   const std::string path = absl::StrCat("bodies[", index, "]");
-  const std::optional<Surface> surface = MakeSurface(body, directory, path, problems);
-  if (!surface) return;
-  const std::string surface_path = absl::StrCat(path, ".", surface->field);
-  Problems found;
-  for (MeshFlaw& flaw : CheckMesh(surface->mesh).flaws) {
-    found.push_back({surface_path, std::move(flaw.message), flaw.warning});
+  const std::string surface_path = SurfacePath(body, path);
+  const absl::StatusOr<TriangleMesh> mesh = MakeSurface(body, directory);
+  if (!mesh.ok()) {
+    problems->push_back({surface_path, std::string(mesh.status().message())});
+    return;
   }
-  const auto particles = model->particle_count() + surface->mesh.vertices.size();
+  const auto particles = model->particle_count() + mesh->vertices.size();
   if (particles > kMaxParticles) {
-    found.push_back(
+    problems->push_back(
         {surface_path, absl::StrCat("brings the scene to ", particles, " particles; at most ",
                                     kMaxParticles, " are permitted")});
+    return;
   }
-  if (!HasError(found)) PlaceBody(body, surface->mesh, path, model, &found);
+  const std::string file = body.has_mesh() ? absl::StrCat("'", body.mesh().file(), "': ") : "";
+  Problems found;
+  for (const MeshFlaw& flaw : CheckMesh(*mesh).flaws) {
+    found.push_back({surface_path, absl::StrCat(file, flaw.message), flaw.warning});
+  }
+  if (!HasError(found)) PlaceBody(body, *mesh, path, model, &found);
   problems->insert(problems->end(), found.begin(), found.end());
 }
 

@@ -15,8 +15,9 @@ struct BuiltModel {
   Problems problems;
 };
 
-// Makes the model of a validated scene (defaults filled in): reads or generates every surface, places it, spreads the
-// masses, finds neighbours and fixed particles. Files are relative to `directory`. Reports every problem at once.
+// Makes the model of a validated scene (defaults filled in): reads or generates every surface,
+// places it, spreads the masses, finds neighbours and fixed particles. Files are relative to
+// `directory`. Reports every problem at once.
 BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory);
 
 }  // namespace adhesim

@@ -20,9 +20,6 @@ namespace pb = google::protobuf;
 using Field = pb::FieldDescriptor;
 using Kind = YamlNode::Kind;
 
-// More would hide the first ones, and a file made of mistakes could hold a million.
-constexpr std::size_t kMostProblems = 500;
-
 std::string KindText(const YamlNode& node) {
   switch (node.kind) {
     case Kind::kNull:
@@ -151,6 +148,7 @@ void MessageReader::ReportUnknown(int key, const std::string& path, const pb::De
   for (int i = 0; i < type->real_oneof_decl_count(); ++i) {
     spoiled_.insert(JoinPath(path, type->oneof_decl(i)->name()));
   }
+  if (problems_->size() > kMostProblems) return;
   if (name == "<<") return Report(field_path, key, "merge keys (<<) are not permitted");
   const std::vector<std::string> names = FieldNames(type);
   const std::string nearest = NearestName(name, names);

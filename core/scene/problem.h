@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -15,5 +16,9 @@ struct Problem {
 };
 
 using Problems = std::vector<Problem>;
+
+// Readers stop collecting here: more would hide the first ones, and a hostile scene could hold a
+// million.
+inline constexpr std::size_t kMostProblems = 500;
 
 }  // namespace adhesim

@@ -196,9 +196,16 @@ absl::StatusOr<std::uint64_t> ParseUnsigned(absl::string_view text, std::uint64_
 }
 
 std::string NumberText(double value) {
-  char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value).ptr;
-  return std::string(buffer, end);
+  // Digits alone where they are few. YAML 1.1 takes a number with an exponent for a text unless it
+  // has a point.
+  const double size = std::abs(value);
+  const bool fixed = value == 0 || (size >= 1e-6 && size < 1e9);
+  char buffer[64];
+  const auto format = fixed ? std::chars_format::fixed : std::chars_format::scientific;
+  std::string text(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value, format).ptr);
+  if (const std::size_t e = text.find('e'); e != text.npos && text.find('.') == text.npos)
+    text.insert(e, ".0");
+  return text;
 }
 
 }  // namespace adhesim

@@ -39,7 +39,7 @@ absl::StatusOr<std::int64_t> ParseInteger(absl::string_view text, std::int64_t m
                                           std::int64_t max);
 absl::StatusOr<std::uint64_t> ParseUnsigned(absl::string_view text, std::uint64_t max);
 
-// The shortest text that reads back as the same number.
+// The shortest decimal number that reads back as the same bits, in YAML as in JSON.
 std::string NumberText(double value);
 
 }  // namespace adhesim

@@ -34,7 +34,7 @@ std::string QuantityPattern(const Dimension& dimension) {
         absl::StrAppend(
             out, absl::StrReplaceAll(unit.symbol, {{"^", "\\^"}, {"/", "\\/"}, {" ", "[ *]"}}));
       });
-  return absl::StrCat("^", kNumberPattern, " *(", units, ")$");
+  return absl::StrCat("^", kNumberPattern, "( *(", units, "))?$");
 }
 
 Json NumberSchema(const Field* field) {

@@ -22,8 +22,6 @@ namespace {
 namespace pb = google::protobuf;
 using Field = pb::FieldDescriptor;
 
-constexpr std::size_t kMostProblems = 500;
-
 // Names that references may use.
 struct Names {
   std::vector<std::string> list;
@@ -57,7 +55,7 @@ class FieldChecker {
 
  private:
   void Report(const std::string& path, std::string message) {
-    if (problems_->size() < kMostProblems) problems_->push_back({path, std::move(message)});
+    problems_->push_back({path, std::move(message)});
   }
 
   void CheckOneof(const pb::Message& message, const pb::OneofDescriptor* oneof,
@@ -88,7 +86,7 @@ class FieldChecker {
       return;
     }
     std::set<std::string> seen;
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count && problems_->size() < kMostProblems; ++i) {
       const std::string element = IndexPath(path, i);
       CheckValue(message, field, i, element);
       if (field->options().GetExtension(v1::reference).empty()) continue;
@@ -171,6 +169,7 @@ Problems ValidateScene(const v1::Scene& scene) {
   Problems problems;
   FieldChecker(scene, &problems).Check(scene, "");
   CheckSceneRules(scene, &problems);
+  if (problems.size() > kMostProblems) problems.resize(kMostProblems);
   return problems;
 }
 

@@ -10,7 +10,8 @@ namespace {
 
 double KineticEnergy(const Model& model, std::span<const Vec3> velocity_m_s) {
   double twice = 0;
-  for (int p = 0; p < model.particle_count(); ++p) twice += model.mass_kg[p] * velocity_m_s[p].squaredNorm();
+  for (int p = 0; p < model.particle_count(); ++p)
+    twice += model.mass_kg[p] * velocity_m_s[p].squaredNorm();
   return 0.5 * twice;
 }
 
@@ -31,7 +32,8 @@ struct Held {
   Vec3 moment = Vec3::Zero();
 };
 
-// Change of kinetic energy when a driven group turns under a constant twist: its centre and its inertia turn with it.
+// Change of kinetic energy when a driven group turns under a constant twist: its centre and its
+// inertia turn with it.
 double DrivenTurn(const RigidGroup& group) {
   const Vec3 r = group.centre_m - group.pivot_m;
   const Vec3& w = group.twist.angular_rad_s;
@@ -64,50 +66,60 @@ void BookElastic(double elastic_j, State* state) {
   ledger.reference_j = std::max(ledger.reference_j, ledger.kinetic_j + elastic_j);
 }
 
-double CaptureBooked(const Ledger& ledger) { return ledger.tool_work_j - ledger.captured_j; }
-
-void BookCapture(const Model& model, std::span<const std::int32_t> members, const RigidGroup& group,
-                 std::span<const Vec3> velocity_m_s, bool held, State* state) {
+// An orthogonal projection in the metric of the masses: T' - T = -1/2 |v' - v|_M^2 plus the work of
+// tools, whose impulse on a member is m (v' - v) less what the constraints gave it.
+void BookCapture(const Model& model, const SubspaceSolver& solver, State* state, std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
-  Held got;
-  Vec3 moment_origin = Vec3::Zero();
+  const std::span<const Vec3> after = solver.kicked_velocity_m_s();
   double twice_loss = 0;
-  for (int p : members) {
-    const Vec3 change = velocity_m_s[p] - state->velocity_m_s[p];
-    const Vec3 impulse = model.mass_kg[p] * change;
-    twice_loss += model.mass_kg[p] * change.squaredNorm();
-    got.impulse += impulse;
-    got.moment += (state->position_m[p] - group.pivot_m).cross(impulse);
-    moment_origin += state->position_m[p].cross(impulse);
+  for (int p = 0; p < model.particle_count(); ++p) {
+    twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
+    if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+      const Vec3 impulse = -solver.ConstraintImpulse(p);
+      state->momentum.impulse_linear += impulse;
+      state->momentum.impulse_angular += state->position_m[p].cross(impulse);
+    }
+  }
+  double tool_work = 0;
+  for (std::size_t z = 0; z < state->contacts.zones.size(); ++z) {
+    const Zone& zone = state->contacts.zones[z];
+    const RigidGroup& group = solver.groups()[z];
+    if (zone.pins == 0 && !group.driven()) continue;
+    Held got;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state->contacts.zone_members[k];
+      const Vec3 impulse =
+          model.mass_kg[p] * (after[p] - state->velocity_m_s[p]) - solver.ConstraintImpulse(p);
+      got.impulse += impulse;
+      got.moment += (state->position_m[p] - group.pivot_m).cross(impulse);
+    }
+    state->momentum.impulse_linear += got.impulse;
+    state->momentum.impulse_angular += group.pivot_m.cross(got.impulse) + got.moment;
+    if (group.driven()) {
+      tool_impulse[zone.tool].force_n -= got.impulse;
+      tool_impulse[zone.tool].torque_nm -= got.moment;
+      tool_work +=
+          got.impulse.dot(group.twist.linear_m_s) + got.moment.dot(group.twist.angular_rad_s);
+    }
   }
   ledger.captured_j += 0.5 * twice_loss;
-  if (group.driven()) {
-    const double work = got.impulse.dot(group.twist.linear_m_s) + got.moment.dot(group.twist.angular_rad_s);
-    ledger.tool_work_j += work;
-    ledger.abs_tool_j += std::abs(work);
-  }
-  if (held) {
-    state->momentum.impulse_linear += got.impulse;
-    state->momentum.impulse_angular += moment_origin;
-  }
-}
-
-void CloseCapture(const Model& model, double booked_j, State* state) {
-  Ledger& ledger = state->ledger;
-  const double kinetic = KineticEnergy(model, state->velocity_m_s);
-  const double expected = CaptureBooked(ledger) - booked_j;
-  ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));
+  ledger.tool_work_j += tool_work;
+  ledger.abs_tool_j += std::abs(tool_work);
+  const double kinetic = KineticEnergy(model, after);
+  ledger.worst_j =
+      std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - tool_work + 0.5 * twice_loss));
   ledger.kinetic_j = kinetic;
 }
 
 void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Vec3> total_force_n,
-              const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s, State* state,
-              std::span<Wrench> tool_impulse) {
+              const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s,
+              State* state, std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
   MomentumLedger& momentum = state->momentum;
   const std::span<const Vec3> x = state->position_m, v = state->velocity_m_s;
   const std::span<const Vec3> kicked = solver.kicked_velocity_m_s();
-  const std::span<const Vec3> moved_x = solver.moved_position_m(), moved_v = solver.moved_velocity_m_s();
+  const std::span<const Vec3> moved_x = solver.moved_position_m(),
+                              moved_v = solver.moved_velocity_m_s();
   const int count = model.particle_count();
 
   // Work of forces: dt f . (v + v') / 2.
@@ -148,8 +160,10 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   for (std::size_t z = 0; z < state->contacts.zones.size(); ++z) {
     const Zone& zone = state->contacts.zones[z];
     const RigidGroup& group = solver.groups()[z];
-    if (group.freedom == RigidGroup::Freedom::kFree || group.freedom == RigidGroup::Freedom::kPoint) {
-      rotation += 0.5 * group.angular_momentum.dot(group.end_angular_rad_s - group.twist.angular_rad_s);
+    if (group.freedom == RigidGroup::Freedom::kFree ||
+        group.freedom == RigidGroup::Freedom::kPoint) {
+      rotation +=
+          0.5 * group.angular_momentum.dot(group.end_angular_rad_s - group.twist.angular_rad_s);
     }
     if (zone.pins == 0 && !group.driven()) continue;
     Held kick, turn;
@@ -164,13 +178,15 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
       turn.impulse += turned_by;
       turn.moment += (moved_x[p] - group.moved_pivot_m).cross(turned_by);
       momentum.impulse_linear += kicked_by + turned_by;
-      momentum.impulse_angular += m * moved_x[p].cross(moved_v[p]) - m * x[p].cross(v[p]) - x[p].cross(applied);
+      momentum.impulse_angular +=
+          m * moved_x[p].cross(moved_v[p]) - m * x[p].cross(v[p]) - x[p].cross(applied);
     }
     if (!group.driven()) continue;
     const Twist& before = state->tools[zone.tool].twist;
     const Twist& after = tool_twist[zone.tool];
     tool_work += 0.5 * kick.impulse.dot(before.linear_m_s + after.linear_m_s) +
-                 0.5 * kick.moment.dot(before.angular_rad_s + after.angular_rad_s) + DrivenTurn(group);
+                 0.5 * kick.moment.dot(before.angular_rad_s + after.angular_rad_s) +
+                 DrivenTurn(group);
     tool_impulse[zone.tool].force_n -= kick.impulse + turn.impulse;
     tool_impulse[zone.tool].torque_nm -= kick.moment + turn.moment;
   }

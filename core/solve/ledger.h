@@ -12,8 +12,9 @@ namespace adhesim {
 
 class SubspaceSolver;
 
-// Bookkeeping of energy and momentum, stage by stage (physics notes 3.7). Every term comes from its own formula; that
-// the kinetic energy really changed by their sum is what `Ledger::worst_j` checks in every sub-step.
+// Bookkeeping of energy and momentum, stage by stage (physics notes 3.7). Every term comes from its
+// own formula; that the kinetic energy really changed by their sum is what `Ledger::worst_j` checks
+// in every sub-step.
 
 // Forces of a sub-step apart by kind, N, [#particles] each; empty: the scene has none of that kind.
 using ForcesByKind = std::array<std::span<const Vec3>, kForceKinds>;
@@ -24,17 +25,14 @@ void OpenLedgers(const Model& model, State* state);
 // The elastic energy at the positions now: closes the books of the sub-step that led here.
 void BookElastic(double elastic_j, State* state);
 
-// The projection of one zone's members onto `velocity_m_s`; `held`: fixed particles or a tool take part.
-void BookCapture(const Model& model, std::span<const std::int32_t> members, const RigidGroup& group,
-                 std::span<const Vec3> velocity_m_s, bool held, State* state);
-// After the velocities of all zones are set; `booked_j` is CaptureBooked() from before.
-double CaptureBooked(const Ledger& ledger);
-void CloseCapture(const Model& model, double booked_j, State* state);
+// The projection that SubspaceSolver::Capture is about to make of the velocities:
+// kicked_velocity_m_s().
+void BookCapture(const Model& model, const SubspaceSolver& solver, State* state, std::span<Wrench> tool_impulse);
 
-// The solver's last trial, before it is accepted. Adds the impulse of the tissue on each tool, about its tip at the
-// start: N s, N m s.
+// The solver's last trial, before it is accepted. Adds the impulse of the tissue on each tool,
+// about its tip at the start: N s, N m s.
 void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Vec3> total_force_n,
-              const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s, State* state,
-              std::span<Wrench> tool_impulse);
+              const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s,
+              State* state, std::span<Wrench> tool_impulse);
 
 }  // namespace adhesim

@@ -7,21 +7,27 @@
 namespace adhesim {
 namespace {
 
-// Directions of less inertia than this share of the total carry no motion that double precision can tell.
+// Directions of less inertia than this share of the total carry no motion that double precision can
+// tell.
 constexpr double kRank = 1e-12;
+constexpr double kIllConditioned = 1e-4;
 constexpr double kAnglePerSubRotation = 0.25;  // rad; Newton then converges in 3 to 5 iterations
 constexpr int kMaxSubRotations = 64;
 
-Mat3 PseudoInverse(const Mat3& inertia) {
+// `about(axis)`: the moment of inertia about an axis, summed anew from the particles. A small
+// eigenvalue has lost its digits in the matrix: near a line, a wrong one would break the
+// projection's energy balance.
+template <typename About>
+Mat3 PseudoInverse(const Mat3& inertia, const About& about) {
   const double trace = inertia.trace();
   if (!(trace > 0)) return Mat3::Zero();
   const Eigen::SelfAdjointEigenSolver<Mat3> eigen(inertia);
   Mat3 inverse = Mat3::Zero();
   for (int k = 0; k < 3; ++k) {
-    const double value = eigen.eigenvalues()(k);
-    if (value > kRank * trace) {
-      inverse += eigen.eigenvectors().col(k) * eigen.eigenvectors().col(k).transpose() / value;
-    }
+    const Vec3 axis = eigen.eigenvectors().col(k);
+    double value = eigen.eigenvalues()(k);
+    if (value < kIllConditioned * trace) value = about(axis);
+    if (value > kRank * trace) inverse += axis * axis.transpose() / value;
   }
   return inverse;
 }
@@ -36,8 +42,8 @@ Vec3 MidpointAngularVelocity(const Mat3& inverse_inertia, double dt_s, Vec3* pi)
     omega = inverse_inertia * middle;
     const Vec3 residual = end - start - dt_s * middle.cross(omega);
     if (residual.squaredNorm() <= 1e-32 * start.squaredNorm()) break;
-    const Mat3 jacobian =
-        Mat3::Identity() - 0.5 * dt_s * (CrossMatrix(middle) * inverse_inertia - CrossMatrix(omega));
+    const Mat3 jacobian = Mat3::Identity() -
+                          0.5 * dt_s * (CrossMatrix(middle) * inverse_inertia - CrossMatrix(omega));
     end -= jacobian.inverse() * residual;
   }
   *pi = end;
@@ -52,7 +58,8 @@ Quat RotationStep(const Vec3& angular_rad_s, double dt_s) {
 }
 
 RigidGroup RigidGroup::Of(std::span<const std::int32_t> members, std::span<const Vec3> position_m,
-                          std::span<const double> mass_kg, std::span<const std::uint8_t> fixed, const Pose* tool) {
+                          std::span<const double> mass_kg, std::span<const std::uint8_t> fixed,
+                          const Pose* tool) {
   RigidGroup group;
   int pins = 0;
   Vec3 pin_mean = Vec3::Zero();
@@ -67,8 +74,11 @@ RigidGroup RigidGroup::Of(std::span<const std::int32_t> members, std::span<const
       group.centre_m += mass_kg[p] * (position_m[p] - origin);
     }
   }
-  group.centre_m = origin + (group.mass_kg > 0 ? Vec3(group.centre_m / group.mass_kg) : Vec3::Zero());
-  group.pivot_m = tool ? tool->position_m : pins > 0 ? Vec3(origin + pin_mean / pins) : group.centre_m;
+  group.centre_m =
+      origin + (group.mass_kg > 0 ? Vec3(group.centre_m / group.mass_kg) : Vec3::Zero());
+  group.pivot_m = tool       ? tool->position_m
+                  : pins > 0 ? Vec3(origin + pin_mean / pins)
+                             : group.centre_m;
 
   Mat3 pin_spread = Mat3::Zero();
   double extent_sq = 0;
@@ -81,22 +91,30 @@ RigidGroup RigidGroup::Of(std::span<const std::int32_t> members, std::span<const
       group.inertia += mass_kg[p] * (r.squaredNorm() * Mat3::Identity() - r * r.transpose());
     }
   }
+  const auto about = [&](const Vec3& axis) {
+    double sum = 0;
+    for (int p : members) {
+      if (!fixed[p]) sum += mass_kg[p] * axis.cross(position_m[p] - group.pivot_m).squaredNorm();
+    }
+    return sum;
+  };
   if (tool) {
     group.freedom = Freedom::kDriven;
   } else if (pins == 0) {
-    group.inverse_inertia = PseudoInverse(group.inertia);
+    group.inverse_inertia = PseudoInverse(group.inertia, about);
   } else {
     // Fixed particles at one point leave three rotations, on a line one, else none.
     const Eigen::SelfAdjointEigenSolver<Mat3> spread(pin_spread);
     const double tolerance = 1e-12 * extent_sq * pins;
     if (spread.eigenvalues()(2) <= tolerance) {
       group.freedom = Freedom::kPoint;
-      group.inverse_inertia = PseudoInverse(group.inertia);
+      group.inverse_inertia = PseudoInverse(group.inertia, about);
     } else if (spread.eigenvalues()(1) <= tolerance) {
       group.freedom = Freedom::kAxis;
       const Vec3 axis = spread.eigenvectors().col(2);
       const double about_axis = axis.dot(group.inertia * axis);
-      if (about_axis > kRank * group.inertia.trace()) group.inverse_inertia = axis * axis.transpose() / about_axis;
+      if (about_axis > kRank * group.inertia.trace())
+        group.inverse_inertia = axis * axis.transpose() / about_axis;
     } else {
       group.freedom = Freedom::kLocked;
     }
@@ -145,11 +163,13 @@ void RigidGroup::Move(double dt_s) {
   }
   // Body frame: the axes of the world at the start of the step.
   const double angle = dt_s * twist.angular_rad_s.norm();
-  const int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1, kMaxSubRotations);
+  const int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1,
+                               kMaxSubRotations);
   Vec3 pi = angular_momentum;
   Quat turned = Quat::Identity();
   for (int k = 0; k < parts; ++k) {
-    turned = turned * RotationStep(MidpointAngularVelocity(inverse_inertia, dt_s / parts, &pi), dt_s / parts);
+    turned = turned * RotationStep(MidpointAngularVelocity(inverse_inertia, dt_s / parts, &pi),
+                                   dt_s / parts);
   }
   rotation = turned.normalized().toRotationMatrix();
   end_angular_rad_s = rotation * (inverse_inertia * (rotation.transpose() * angular_momentum));

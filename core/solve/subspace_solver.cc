@@ -8,9 +8,9 @@
 namespace adhesim {
 namespace {
 
-constexpr double kConstraintTolerance = 1e-13;   // relative volume; round-off of the volume is 1e-15
-constexpr int kConstraintIterations = 12;        // the error shrinks by dt |W| an iteration: 3 is usual
-constexpr int kGrain = 4096;                     // particles: about 20 us of work
+constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
+constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
+constexpr int kGrain = 4096;               // particles: about 20 us of work
 
 }  // namespace
 
@@ -26,6 +26,7 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
     for (const ConstraintRow& row : effect->constraints()) row_.push_back(row);
   }
   rows_ = static_cast<int>(row_.size());
+  old_twist_.resize(model.tools.size());
   if (rows_ == 0) return;
   row_of_.assign(n, -1);
   gradient_.assign(n, Vec3::Zero());
@@ -33,8 +34,8 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) row_of_[p] = r;
   }
   on_zone_.reserve(n);
-  for (auto* array : {&multiplier_, &diagonal_, &preconditioner_, &residual_, &change_, &cg_r_, &cg_p_, &cg_ap_,
-                      &cg_z_}) {
+  for (auto* array : {&multiplier_, &diagonal_, &preconditioner_, &residual_, &change_, &cg_r_,
+                      &cg_p_, &cg_ap_, &cg_z_}) {
     array->assign(rows_, 0);
   }
 }
@@ -43,45 +44,57 @@ void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool
   groups_.clear();
   for (int z = 0; z < static_cast<int>(state.contacts.zones.size()); ++z) {
     const int tool = state.contacts.zones[z].tool;
-    groups_.push_back(RigidGroup::Of(Members(state.contacts, z), state.position_m, model_.mass_kg, model_.fixed,
-                                     tool >= 0 ? &state.tools[tool].pose : nullptr));
+    groups_.push_back(RigidGroup::Of(Members(state.contacts, z), state.position_m, model_.mass_kg,
+                                     model_.fixed, tool >= 0 ? &state.tools[tool].pose : nullptr));
     if (tool >= 0) groups_.back().twist = tool_twist[tool];
   }
 }
 
-void SubspaceSolver::Capture(State* state) {
-  const double booked = CaptureBooked(state->ledger);
-  for (int z = 0; z < static_cast<int>(state->contacts.zones.size()); ++z) {
-    Zone& zone = state->contacts.zones[z];
-    const auto members = Members(state->contacts, z);
-    RigidGroup group = RigidGroup::Of(members, state->position_m, model_.mass_kg, model_.fixed,
-                                      zone.tool >= 0 ? &state->tools[zone.tool].pose : nullptr);
-    if (zone.tool >= 0) group.twist = state->tools[zone.tool].twist;
-    group.Project(members, state->position_m, model_.mass_kg, state->velocity_m_s);
-    for (int p : members) {
-      kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : group.VelocityAt(state->position_m[p]);
-    }
-    BookCapture(model_, members, group, kicked_m_s_, zone.pins > 0 || zone.tool >= 0, state);
-    for (int p : members) state->velocity_m_s[p] = kicked_m_s_[p];
-    zone.centre_m = group.centre_m;
-    zone.momentum_kg_m_s = group.linear_momentum;
-    zone.angular_momentum_kg_m2_s = group.angular_momentum;
+void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
+  for (std::size_t t = 0; t < old_twist_.size(); ++t) old_twist_[t] = state->tools[t].twist;
+  BuildGroups(*state, old_twist_);
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
   }
-  CloseCapture(model_, booked, state);
+  ProjectGroups(*state);
+  if (rows_ > 0) {
+    // Sticking may have left a volume changing: the plastic impact ends that too (velocity form,
+    // notes 2.2).
+    CollectRows(*state);
+    std::fill(multiplier_.begin(), multiplier_.end(), 0);
+    KickAll(*state);
+    for (int r = 0; r < rows_; ++r) {
+      residual_[r] = 0;
+      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+        residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
+      }
+    }
+    SolveRows(residual_, change_);
+    AddMultipliers(change_);
+  }
+  KickAll(*state);
+  BookCapture(model_, *this, state, tool_impulse);
+  state->velocity_m_s = kicked_m_s_;
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    Zone& zone = state->contacts.zones[z];
+    zone.centre_m = groups_[z].centre_m;
+    zone.momentum_kg_m_s = groups_[z].linear_momentum;
+    zone.angular_momentum_kg_m2_s = groups_[z].angular_momentum;
+  }
 }
 
-void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,
-                         double dt_s, Parallel* parallel, StepReport* report) {
+void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
+                         std::span<const Twist> tool_twist, double dt_s, Parallel* parallel,
+                         StepReport* report) {
   parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
-      free_m_s_[p] = model_.fixed[p] ? Vec3::Zero()
-                                     : Vec3(state.velocity_m_s[p] + (dt_s / model_.mass_kg[p]) * force_n[p]);
+      free_m_s_[p] = model_.fixed[p]
+                         ? Vec3::Zero()
+                         : Vec3(state.velocity_m_s[p] + (dt_s / model_.mass_kg[p]) * force_n[p]);
     }
   });
   BuildGroups(state, tool_twist);
-  for (std::size_t z = 0; z < groups_.size(); ++z) {
-    groups_[z].Project(Members(state.contacts, static_cast<int>(z)), state.position_m, model_.mass_kg, free_m_s_);
-  }
+  ProjectGroups(state);
   if (rows_ > 0) {
     MeetConstraints(state, dt_s, parallel, report);
   } else {
@@ -93,7 +106,28 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, std:
   }
 }
 
-// Kicked velocities from the free ones, the multipliers and the groups' twists; then positions and velocities after.
+void SubspaceSolver::ProjectGroups(const State& state) {
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    groups_[z].Project(Members(state.contacts, static_cast<int>(z)), state.position_m,
+                       model_.mass_kg, free_m_s_);
+  }
+}
+
+// Velocities from the free ones, the multipliers and the groups' twists.
+void SubspaceSolver::KickAll(const State& state) {
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    const int zone = state.contacts.zone_of[p];
+    if (model_.fixed[p]) {
+      kicked_m_s_[p].setZero();
+    } else if (zone >= 0) {
+      kicked_m_s_[p] = groups_[zone].VelocityAt(state.position_m[p]);
+    } else {
+      kicked_m_s_[p] = free_m_s_[p] + ConstraintImpulse(p) / model_.mass_kg[p];
+    }
+  }
+}
+
+// The same, and positions and velocities after the move.
 void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel) {
   for (RigidGroup& group : groups_) group.Move(dt_s);
   parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
@@ -118,7 +152,8 @@ void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel
 }
 
 void SubspaceSolver::CollectRows(const State& state) {
-  for (const Effect* effect : constraints_) effect->ConstraintGradients(state.position_m, gradient_);
+  for (const Effect* effect : constraints_)
+    effect->ConstraintGradients(state.position_m, gradient_);
   std::fill(diagonal_.begin(), diagonal_.end(), 0);
   for (int r = 0; r < rows_; ++r) {
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
@@ -131,7 +166,7 @@ void SubspaceSolver::CollectRows(const State& state) {
   for (int z = 0; z < static_cast<int>(groups_.size()); ++z) {
     const RigidGroup& group = groups_[z];
     if (group.driven() || group.freedom == RigidGroup::Freedom::kLocked) continue;
-    int row = -1;   // members ascend, and so do their rows
+    int row = -1;  // members ascend, and so do their rows
     for (int p : Members(state.contacts, z)) {
       if (row_of_[p] < 0 || model_.fixed[p]) continue;
       if (row_of_[p] != row) {
@@ -172,8 +207,8 @@ void SubspaceSolver::ApplyRows(std::span<const double> x, std::span<double> y) c
     }
     const Twist response = groups_[zone].Response(force, moment);
     for (; i < end; ++i) {
-      y[on_zone_[i].row] +=
-          on_zone_[i].force.dot(response.linear_m_s) + on_zone_[i].moment.dot(response.angular_rad_s);
+      y[on_zone_[i].row] += on_zone_[i].force.dot(response.linear_m_s) +
+                            on_zone_[i].moment.dot(response.angular_rad_s);
     }
   }
 }
@@ -186,7 +221,8 @@ void SubspaceSolver::SolveRows(std::span<const double> rhs, std::span<double> x)
     return sum;
   };
   const auto precondition = [&] {
-    for (int r = 0; r < rows_; ++r) cg_z_[r] = preconditioner_[r] > 0 ? cg_r_[r] / preconditioner_[r] : 0;
+    for (int r = 0; r < rows_; ++r)
+      cg_z_[r] = preconditioner_[r] > 0 ? cg_r_[r] / preconditioner_[r] : 0;
   };
   for (int r = 0; r < rows_; ++r) {
     x[r] = 0;
@@ -195,7 +231,7 @@ void SubspaceSolver::SolveRows(std::span<const double> rhs, std::span<double> x)
   precondition();
   cg_p_ = cg_z_;
   double rz = dot(cg_r_, cg_z_);
-  const double target = 1e-24 * rz;   // 1e-12 in the norm: the outer iteration does the rest
+  const double target = 1e-24 * rz;  // 1e-12 in the norm: the outer iteration does the rest
   for (int iteration = 0; iteration < 4 * rows_ + 16 && rz > target && rz > 0; ++iteration) {
     ApplyRows(cg_p_, cg_ap_);
     const double curvature = dot(cg_p_, cg_ap_);
@@ -219,7 +255,8 @@ void SubspaceSolver::AddMultipliers(std::span<const double> change) {
   }
 }
 
-void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report) {
+void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
+                                     StepReport* report) {
   CollectRows(state);
   std::fill(multiplier_.begin(), multiplier_.end(), 0);
   double before = std::numeric_limits<double>::infinity();

@@ -10,44 +10,55 @@
 
 namespace adhesim {
 
-// The explicit step inside the subspace that zones leave (physics notes 3.4), with constraints of the step (2.2, 2.4).
+// The explicit step inside the subspace that zones leave (physics notes 3.4), with constraints of
+// the step (2.2, 2.4).
 //
-// A trial does not touch the state: v* = v + dt f / m, projected onto every zone's rigid motions; then one impulse
-// lambda along the gradient at x_n of every constraint row, all rows together, sized so that the row holds at x_{n+1}
-// (SHAKE), in the zones' reduced coordinates; then x_{n+1}. What a zone has to carry is the residual of each member.
+// A trial does not touch the state: v* = v + dt f / m, projected onto every zone's rigid motions;
+// then one impulse lambda along the gradient at x_n of every constraint row, all rows together,
+// sized so that the row holds at x_{n+1} (SHAKE), in the zones' reduced coordinates; then x_{n+1}.
+// What a zone has to carry is the residual of each member.
 class SubspaceSolver {
  public:
   // `constraints`: the effects that have rows; must outlive the solver.
   SubspaceSolver(const Model& model, std::vector<const Effect*> constraints);
 
-  // Projects the velocities onto zones that have just changed: a perfectly plastic capture. Books it in the ledgers.
-  void Capture(State* state);
+  // Projects the velocities onto what zones that have just changed, and the constraints, permit: a
+  // perfectly plastic impact. Books it in the ledgers.
+  // Adds to each tool [#tools] the impulse of the tissue on it, about its tip.
+  void Capture(State* state, std::span<Wrench> tool_impulse);
 
   // Tries a sub-step of `dt_s` under `force_n` [#particles]; `tool_twist` [#tools] about the tips.
-  void Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist, double dt_s,
-           Parallel* parallel, StepReport* report);
-  // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step, rotation included.
+  void Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,
+           double dt_s, Parallel* parallel, StepReport* report);
+  // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
+  // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }
   // Makes the last trial the state: positions, velocities, zones' momenta.
   void Accept(State* state);
 
   // What the ledgers need of the last trial.
-  std::span<const Vec3> kicked_velocity_m_s() const { return kicked_m_s_; }   // at x_n, before zones rotate
-  std::span<const RigidGroup> groups() const { return groups_; }              // [#zones]
+  std::span<const Vec3> kicked_velocity_m_s() const {
+    return kicked_m_s_;
+  }                                                               // at x_n, before zones rotate
+  std::span<const RigidGroup> groups() const { return groups_; }  // [#zones]
   std::span<const Vec3> moved_position_m() const { return moved_m_; }
   std::span<const Vec3> moved_velocity_m_s() const { return moved_velocity_m_s_; }
   // Impulse of the constraints on a particle, N s.
   Vec3 ConstraintImpulse(int p) const {
-    return row_of_.empty() || row_of_[p] < 0 ? Vec3::Zero() : Vec3(multiplier_[row_of_[p]] * gradient_[p]);
+    return row_of_.empty() || row_of_[p] < 0 ? Vec3::Zero()
+                                             : Vec3(multiplier_[row_of_[p]] * gradient_[p]);
   }
 
  private:
-  // The part of one constraint row that acts on one zone: a generalised gradient about the zone's pivot.
+  // The part of one constraint row that acts on one zone: a generalised gradient about the zone's
+  // pivot.
   struct RowOnZone {
     std::int32_t row, zone;
     Vec3 force, moment;
   };
   void BuildGroups(const State& state, std::span<const Twist> tool_twist);
+  void ProjectGroups(const State& state);
+  void KickAll(const State& state);
   void CollectRows(const State& state);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
@@ -65,14 +76,16 @@ class SubspaceSolver {
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
   std::vector<RigidGroup> groups_;
-  std::vector<std::int32_t> row_of_;     // [#particles] the row that acts on it, or -1; empty without rows
-  std::vector<ConstraintRow> row_;       // [#rows]
-  std::vector<Vec3> gradient_;           // [#particles]
-  std::vector<double> multiplier_;       // [#rows] impulse along the gradient
-  std::vector<double> diagonal_;         // [#rows] of free particles; 0: nothing can move
-  std::vector<double> preconditioner_;   // [#rows]
+  std::vector<Twist> old_twist_;  // [#tools]
+  std::vector<std::int32_t>
+      row_of_;  // [#particles] the row that acts on it, or -1; empty without rows
+  std::vector<ConstraintRow> row_;      // [#rows]
+  std::vector<Vec3> gradient_;          // [#particles]
+  std::vector<double> multiplier_;      // [#rows] impulse along the gradient
+  std::vector<double> diagonal_;        // [#rows] of free particles; 0: nothing can move
+  std::vector<double> preconditioner_;  // [#rows]
   std::vector<RowOnZone> on_zone_;
-  std::vector<Twist> zone_response_;     // [#zones]
+  std::vector<Twist> zone_response_;                                    // [#zones]
   std::vector<double> residual_, change_, cg_r_, cg_p_, cg_ap_, cg_z_;  // [#rows]
 };
 

@@ -77,7 +77,9 @@ TEST(Quantity, RefusesWholeNumbersThatDoNotFit) {
 TEST(Quantity, WritesTheShortestNumberThatReadsBack) {
   EXPECT_EQ(NumberText(0.1), "0.1");
   EXPECT_EQ(NumberText(1000), "1000");
-  EXPECT_EQ(NumberText(1e-9), "1e-09");
+  EXPECT_EQ(NumberText(6e-4), "0.0006");
+  EXPECT_EQ(NumberText(1e-9), "1.0e-09");
+  EXPECT_EQ(NumberText(-1.5e300), "-1.5e+300");
 }
 
 }  // namespace

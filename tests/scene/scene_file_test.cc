@@ -102,7 +102,8 @@ effects:
           "at most 6"));
   EXPECT_THAT(
       errors,
-      HasSubstr("s.yaml:8:14: error: bodies[1].mass_kg: is -1; permitted: above 0, at most 1e+06"));
+      HasSubstr(
+          "s.yaml:8:14: error: bodies[1].mass_kg: is -1; permitted: above 0, at most 1000000"));
   EXPECT_THAT(errors,
               HasSubstr("s.yaml:9:5: error: bodies[1].position_m: has 2 elements; permitted: 3"));
   EXPECT_THAT(

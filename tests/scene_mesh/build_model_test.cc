@@ -3,7 +3,13 @@
 #include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
 #include <numeric>
+#include <string>
+#include <vector>
 
 #include "core/scene/place_body.h"
 
@@ -171,12 +177,14 @@ TEST(BuildModel, RefusesARegionWithoutParticles) {
 }
 
 TEST(BuildModel, RefusesMoreParticlesThanFit) {
-  std::string text;
-  for (int i = 0; i < 3; ++i) {
-    text += "bodies { name: 's" + std::to_string(i) +
-            "' sheet { length_m: 1 width_m: 1 columns: 900 rows: 900 } mass_kg: 1 }";
-  }
-  ExpectProblem(text, "bodies[2].sheet", "2000000");
+  ExpectProblem(R"(bodies { name: "cell" icosphere { radius_m: 1 } mass_kg: 1 }
+      bodies { name: "sheet" mass_kg: 1
+               sheet { length_m: 1 width_m: 1 columns: 1000 rows: 1000 } })",
+                "bodies[1].sheet", "1000042 particles; at most 1000000");
+}
+
+TEST(BuildModel, RefusesABodyWithoutShape) {
+  ExpectProblem("bodies { name: 'x' mass_kg: 1 }", "bodies[0]", "no shape");
 }
 
 TEST(BuildModel, ReadsTools) {

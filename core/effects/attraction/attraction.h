@@ -6,8 +6,9 @@
 
 namespace adhesim {
 
-// f_i = m_i a (p - x_i) / max(|p - x_i|, core): a constant pull towards a point p (chemotaxis of cells; Carra et al.
-// 2007, section 5), linear within the core so that it is continuous at p. External: it does work.
+// f_i = m_i a (p - x_i) / max(|p - x_i|, core): a constant pull towards a point p (chemotaxis of
+// cells; Carra et al. 2007, section 5), linear within the core so that it is continuous at p.
+// External: it does work.
 class AttractionEffect : public Effect {
  public:
   AttractionEffect(const Model& model, const v1::Attraction& message);

@@ -6,7 +6,8 @@
 
 namespace adhesim {
 
-// f_i = -c m_i v_i: the resistance of a fluid at rest; a free particle loses its velocity at the rate c [1/s].
+// f_i = -c m_i v_i: the resistance of a fluid at rest; a free particle loses its velocity at the
+// rate c [1/s].
 class DragEffect : public Effect {
  public:
   DragEffect(const Model& model, const v1::Drag& message);

@@ -45,6 +45,11 @@ ShapeMemoryEffect::ShapeMemoryEffect(const Model& model, const v1::ShapeMemory& 
 
 void ShapeMemoryEffect::AddCluster(const Model& model, int particle) {
   const int begin = cluster_start_.back();
+  bool moves = !model.fixed[particle];
+  for (int n = model.neighbour_start[particle]; n < model.neighbour_start[particle + 1]; ++n) {
+    moves = moves || !model.fixed[model.neighbours[n]];
+  }
+  if (!moves) return;
   member_.push_back(particle);
   for (int n = model.neighbour_start[particle]; n < model.neighbour_start[particle + 1]; ++n) {
     member_.push_back(model.neighbours[n]);
@@ -54,7 +59,8 @@ void ShapeMemoryEffect::AddCluster(const Model& model, int particle) {
   Vec3 mean = Vec3::Zero();
   for (int e = averaged; e < end; ++e) mean += model.rest_position_m[member_[e]];
   mean /= std::max(1, end - averaged);
-  for (int e = begin; e < end; ++e) rest_offset_.push_back(model.rest_position_m[member_[e]] - mean);
+  for (int e = begin; e < end; ++e)
+    rest_offset_.push_back(model.rest_position_m[member_[e]] - mean);
   cluster_start_.push_back(end);
 }
 
@@ -62,9 +68,11 @@ void ShapeMemoryEffect::InitialState(std::span<double> state) const {
   for (int c = 0; c < cluster_count(); ++c) Eigen::Map<Quat>(&state[4 * c]).setIdentity();
 }
 
-void ShapeMemoryEffect::AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {
-  // E_i is a minimum over rotations and the mean, so its Hessian is at most that of 1/2 k sum w |x_j|^2: diagonal.
-  // Centre form: |x_i - C - R q|^2 <= 2 |x_i|^2 + 2 |C|^2, doubled once more for the rotation's part.
+void ShapeMemoryEffect::AddBounds(std::span<double> stiffness_n_m,
+                                  std::span<double> damping_n_s_m) const {
+  // E_i is a minimum over rotations and the mean, so its Hessian is at most that of 1/2 k sum w
+  // |x_j|^2: diagonal. Centre form: |x_i - C - R q|^2 <= 2 |x_i|^2 + 2 |C|^2, doubled once more for
+  // the rotation's part.
   for (int c = 0; c < cluster_count(); ++c) {
     const int begin = cluster_start_[c], end = cluster_start_[c + 1];
     const double weight = 1.0 / (end - begin);
@@ -83,10 +91,12 @@ double ShapeMemoryEffect::AddForces(const ForceInput& in, const ForceOutput& out
   in.parallel->For(static_cast<int>(particle_.size()), 4 * kGrain, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
       Vec3 elastic = Vec3::Zero(), damping = Vec3::Zero();
-      for (int k = entry_start_[p]; k < entry_start_[p + 1]; ++k) elastic += entry_force_n_[entry_[k]];
+      for (int k = entry_start_[p]; k < entry_start_[p + 1]; ++k)
+        elastic += entry_force_n_[entry_[k]];
       out.elastic[particle_[p]] += elastic;
       if (damping_n_s_m_ > 0) {
-        for (int k = entry_start_[p]; k < entry_start_[p + 1]; ++k) damping += entry_damping_n_[entry_[k]];
+        for (int k = entry_start_[p]; k < entry_start_[p + 1]; ++k)
+          damping += entry_damping_n_[entry_[k]];
         out.damping[particle_[p]] += damping;
       }
     }
@@ -99,12 +109,17 @@ double ShapeMemoryEffect::AddForces(const ForceInput& in, const ForceOutput& out
 void ShapeMemoryEffect::EvaluateCluster(int c, const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const int averaged = centre_form_ ? begin + 1 : begin;
-  Vec3 mean = Vec3::Zero();
-  for (int e = averaged; e < end; ++e) mean += in.position_m[member_[e]];
-  mean /= std::max(1, end - averaged);
-  // A = sum (x_j - C) q_j^T; a common factor does not change its rotation.
+  // About the cluster's own particle: near the origin of nothing in particular, so that no digits are lost. The offsets
+  // sum to zero, so that A = sum (x_j - C) q_j^T needs no mean; a common factor does not change its rotation.
+  const Vec3 origin = in.position_m[member_[begin]];
+  Vec3 sum = Vec3::Zero();
   Mat3 a = Mat3::Zero();
-  for (int e = averaged; e < end; ++e) a += (in.position_m[member_[e]] - mean) * rest_offset_[e].transpose();
+  for (int e = averaged; e < end; ++e) {
+    const Vec3 r = in.position_m[member_[e]] - origin;
+    sum += r;
+    for (int k = 0; k < 3; ++k) a.col(k) += r * rest_offset_[e](k);
+  }
+  const Vec3 mean = origin + sum / std::max(1, end - averaged);
   Eigen::Map<Quat> stored(&in.effect_state[4 * c]);
   const Quat rotation = PolarRotation(a, Quat(stored));
   stored = rotation;
@@ -116,7 +131,8 @@ void ShapeMemoryEffect::EvaluateCluster(int c, const ForceInput& in) const {
   if (damping_n_s_m_ > 0) AddDampingForces(c, in);
 }
 
-void ShapeMemoryEffect::ClusterForm(int c, const Mat3& rotation, const Vec3& mean, const ForceInput& in) const {
+void ShapeMemoryEffect::ClusterForm(int c, const Mat3& rotation, const Vec3& mean,
+                                    const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const double k = stiffness_n_m_ / (end - begin);
   double sum_sq = 0;
@@ -129,8 +145,10 @@ void ShapeMemoryEffect::ClusterForm(int c, const Mat3& rotation, const Vec3& mea
 }
 
 // f_i = -k e and f_j = k w_j (e + t x (R q_j)) with e = x_i - C - R q_i, t = K^-1 ((R q_i) x e),
-// K = R (tr(S) I - S) R^T, S = R^T A (A with weights w_j): the exact gradient, the rotation's own change included.
-void ShapeMemoryEffect::CentreForm(int c, const Mat3& rotation, const Vec3& mean, const ForceInput& in) const {
+// K = R (tr(S) I - S) R^T, S = R^T A (A with weights w_j): the exact gradient, the rotation's own
+// change included.
+void ShapeMemoryEffect::CentreForm(int c, const Mat3& rotation, const Vec3& mean,
+                                   const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const double w = 1.0 / std::max(1, end - begin - 1);
   Mat3 a = Mat3::Zero();
@@ -140,8 +158,10 @@ void ShapeMemoryEffect::CentreForm(int c, const Mat3& rotation, const Vec3& mean
   const Vec3 target = rotation * rest_offset_[begin];
   const Vec3 error = in.position_m[member_[begin]] - mean - target;
   const Mat3 s = rotation.transpose() * a;
-  const Mat3 stiffness = rotation * (Mat3::Identity() * s.trace() - 0.5 * (s + s.transpose())) * rotation.transpose();
-  // Neighbours on a line leave the spin about it undetermined: the pseudo-inverse transmits no torque about that line.
+  const Mat3 stiffness =
+      rotation * (Mat3::Identity() * s.trace() - 0.5 * (s + s.transpose())) * rotation.transpose();
+  // Neighbours on a line leave the spin about it undetermined: the pseudo-inverse transmits no
+  // torque about that line.
   const Eigen::SelfAdjointEigenSolver<Mat3> eigen(stiffness);
   const Vec3 torque = target.cross(error);
   Vec3 t = Vec3::Zero();
@@ -158,7 +178,8 @@ void ShapeMemoryEffect::CentreForm(int c, const Mat3& rotation, const Vec3& mean
   energy_j_[c] = 0.5 * stiffness_n_m_ * error.squaredNorm();
 }
 
-// f_j = -c w_j (v_j - V - W x r_j), with (V, W) the cluster's own rigid motion: both momenta conserved, rotation free.
+// f_j = -c w_j (v_j - V - W x r_j), with (V, W) the cluster's own rigid motion: both momenta
+// conserved, rotation free.
 void ShapeMemoryEffect::AddDampingForces(int c, const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const double w = 1.0 / (end - begin);
@@ -180,8 +201,8 @@ void ShapeMemoryEffect::AddDampingForces(int c, const ForceInput& in) const {
   const Vec3 omega = determinant > 0 ? Vec3(inertia.inverse() * spin) : Vec3::Zero();
   for (int e = begin; e < end; ++e) {
     const int p = member_[e];
-    entry_damping_n_[e] =
-        -damping_n_s_m_ * w * (in.velocity_m_s[p] - velocity - omega.cross(in.position_m[p] - mean));
+    entry_damping_n_[e] = -damping_n_s_m_ * w *
+                          (in.velocity_m_s[p] - velocity - omega.cross(in.position_m[p] - mean));
   }
 }
 

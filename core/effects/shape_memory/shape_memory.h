@@ -8,10 +8,11 @@ namespace adhesim {
 
 // Local shape memory of a surface (Carra et al. 2007, section 3.1; reconstructed, see README.md).
 //
-// Cluster form: E_i = 1/2 k sum_j w_j |x_j - C_i - R_i q_j|^2 over the particle and its neighbours, C_i their mean,
-// q_j their offsets at rest, R_i the best rotation, w_j = 1 / #cluster. R_i minimises E_i, so f_j = -k w_j (...) is the
-// exact gradient and both momenta are conserved.
-// Centre form: E_i = 1/2 k |x_i - C_i - R_i q_i|^2 with C_i and R_i of the neighbours only (the paper's attractor).
+// Cluster form: E_i = 1/2 k sum_j w_j |x_j - C_i - R_i q_j|^2 over the particle and its neighbours,
+// C_i their mean, q_j their offsets at rest, R_i the best rotation, w_j = 1 / #cluster. R_i
+// minimises E_i, so f_j = -k w_j (...) is the exact gradient and both momenta are conserved. Centre
+// form: E_i = 1/2 k |x_i - C_i - R_i q_i|^2 with C_i and R_i of the neighbours only (the paper's
+// attractor).
 class ShapeMemoryEffect : public Effect {
  public:
   ShapeMemoryEffect(const Model& model, const v1::ShapeMemory& message);
@@ -34,14 +35,16 @@ class ShapeMemoryEffect : public Effect {
   double stiffness_n_m_;
   double damping_n_s_m_;
   bool centre_form_;
-  // Clusters [#particles of the bodies]; members of cluster c are entries cluster_start_[c] .. cluster_start_[c + 1).
-  // The cluster's own particle comes first.
+  // Clusters [#particles of the bodies]; members of cluster c are entries cluster_start_[c] ..
+  // cluster_start_[c + 1). The cluster's own particle comes first.
   std::vector<int> cluster_start_;
-  std::vector<int> member_;        // [#entries] particle
-  std::vector<Vec3> rest_offset_;  // [#entries] m, from the mean at rest (of the neighbours, in the centre form)
-  // Entries that act on a particle, ascending: each particle sums its own in this order, whatever the threads.
-  std::vector<int> particle_;      // [#particles of the bodies]
-  std::vector<int> entry_start_;   // [#particles of the bodies + 1]
+  std::vector<int> member_;  // [#entries] particle
+  std::vector<Vec3>
+      rest_offset_;  // [#entries] m, from the mean at rest (of the neighbours, in the centre form)
+  // Entries that act on a particle, ascending: each particle sums its own in this order, whatever
+  // the threads.
+  std::vector<int> particle_;     // [#particles of the bodies]
+  std::vector<int> entry_start_;  // [#particles of the bodies + 1]
   std::vector<int> entry_;
   // Scratch of one evaluation; not part of the state.
   mutable std::vector<Vec3> entry_force_n_;    // [#entries]

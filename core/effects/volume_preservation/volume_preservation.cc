@@ -5,7 +5,8 @@
 
 namespace adhesim {
 
-VolumePreservationEffect::VolumePreservationEffect(const Model& model, const v1::VolumePreservation& message)
+VolumePreservationEffect::VolumePreservationEffect(const Model& model,
+                                                   const v1::VolumePreservation& message)
     : model_(model) {
   bodies_ = SelectBodies(model, message.bodies(),
                          [](const Body& b) { return b.closed && !b.rigid && !b.all_fixed; });
@@ -23,7 +24,8 @@ void VolumePreservationEffect::ConstraintResiduals(std::span<const Vec3> positio
   }
 }
 
-void VolumePreservationEffect::ConstraintGradients(std::span<const Vec3> position_m, std::span<Vec3> gradient) const {
+void VolumePreservationEffect::ConstraintGradients(std::span<const Vec3> position_m,
+                                                   std::span<Vec3> gradient) const {
   for (int b : bodies_) {
     const Body& body = model_.bodies[b];
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {

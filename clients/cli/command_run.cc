@@ -1,0 +1,135 @@
+#include <absl/strings/str_cat.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "clients/cli/commands.h"
+#include "clients/cli/headless_run.h"
+#include "clients/cli/load_scene.h"
+#include "clients/cli/output.h"
+#include "clients/cli/run_report.h"
+
+namespace adhesim {
+namespace {
+
+// Stage times are kept of at most so many of the last steps.
+constexpr std::uint64_t kMostTimedSteps = 4096;
+constexpr double kMostSteps = 1e9;
+
+struct Arguments {
+  std::string scene;
+  double seconds = 1;
+  std::uint64_t steps = 0;
+  double measure_from_s = 0;
+  double rate_hz = 0;
+  int threads = 1;
+  bool realtime = false;
+  bool strict_realtime = false;
+  std::vector<std::string> settings;
+  bool json = false;
+};
+
+// Written by the signal handler.
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void StopOnSignals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { stop_requested = true; };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+// The number of steps that makes so many seconds, at least as long.
+double StepCount(double seconds, double dt_s) { return std::ceil(seconds / dt_s - 1e-6); }
+
+int Run(Arguments arguments, bool has_steps, bool has_rate) {
+  if (has_rate) arguments.settings.push_back(absl::StrCat("rate_hz=", arguments.rate_hz));
+  const std::optional<LoadedScene> loaded = LoadScene(arguments.scene, arguments.settings);
+  if (!loaded) return kExitBadInput;
+
+  const double dt_s = loaded->model->dt_s;
+  const double steps =
+      has_steps ? static_cast<double>(arguments.steps) : StepCount(arguments.seconds, dt_s);
+  const double measure_from = StepCount(arguments.measure_from_s, dt_s);
+  if (steps < 1 || steps > kMostSteps) {
+    std::cerr << "error: a run of " << steps << " steps; permitted: 1 to " << kMostSteps << "\n";
+    return kExitBadInput;
+  }
+  if (measure_from >= steps) {
+    std::cerr << "error: --measure-from " << arguments.measure_from_s
+              << " is not before the end of the run at " << steps * dt_s << " s\n";
+    return kExitBadInput;
+  }
+  absl::StatusOr<std::unique_ptr<Engine>> engine =
+      Engine::Create(loaded->model, {.threads = arguments.threads});
+  if (!engine.ok()) {
+    std::cerr << arguments.scene << ": error: " << engine.status().message() << "\n";
+    return kExitBadInput;
+  }
+
+  RunOptions options;
+  options.steps = static_cast<std::uint64_t>(steps);
+  options.measure_from = static_cast<std::uint64_t>(measure_from);
+  options.realtime = arguments.realtime || arguments.strict_realtime;
+  options.one_thread = arguments.threads == 1;
+  (*engine)->TimeStages(std::min(options.steps - options.measure_from, kMostTimedSteps));
+  StopOnSignals();
+  const RunStatistics statistics = RunHeadless(engine->get(), options, stop_requested);
+  const Json report = RunReportJson(**engine, options, statistics, arguments.threads);
+  if (arguments.json) {
+    PrintJson(report);
+  } else {
+    std::cout << RunReportText(report);
+  }
+  if (statistics.interrupted) return kExitInterrupted;
+  if ((*engine)->frozen()) {
+    std::cerr << "error: the state became non-finite in step " << statistics.steps << "\n";
+    return kExitCheckFailed;
+  }
+  return arguments.strict_realtime && statistics.deadline_misses > 0 ? kExitDeadlineMissed
+                                                                     : kExitOk;
+}
+
+}  // namespace
+
+void AddRunCommand(CLI::App& app, int* exit_code) {
+  CLI::App* command = app.add_subcommand(
+      "run", "Runs a scene headless, in this process, and prints what it measured");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("SCENE", arguments->scene, "Scene file (YAML or JSON)")->required();
+  CLI::Option* seconds =
+      command->add_option("--seconds", arguments->seconds, "Simulated time; without it 1 s");
+  CLI::Option* steps =
+      command->add_option("--steps", arguments->steps, "Number of steps, instead of --seconds");
+  seconds->check(CLI::Range(1e-6, 1e6))->excludes(steps);
+  command
+      ->add_option("--measure-from", arguments->measure_from_s,
+                   "Figures start at this simulated time, in s")
+      ->check(CLI::Range(0.0, 1e6));
+  CLI::Option* rate = command->add_option("--rate", arguments->rate_hz,
+                                          "Steps per simulated second, instead of the scene's");
+  command
+      ->add_option("--threads", arguments->threads,
+                   "Threads that step; the result is the same for any number")
+      ->check(CLI::Range(1, 64));
+  command->add_flag("--realtime", arguments->realtime,
+                    "Each step waits for its time; counts missed deadlines");
+  command->add_flag("--strict-realtime", arguments->strict_realtime,
+                    "As --realtime; ends with 4 if one was missed");
+  command
+      ->add_option("--set", arguments->settings,
+                   "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+  command->add_flag("--json", arguments->json, "Prints one JSON object");
+  command->callback([=] { *exit_code = Run(*arguments, steps->count() > 0, rate->count() > 0); });
+}
+
+}  // namespace adhesim

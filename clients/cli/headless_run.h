@@ -1,0 +1,48 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "core/contact/penetration.h"
+#include "core/engine/engine.h"
+#include "core/model/diagnostics.h"
+
+namespace adhesim {
+
+// Mean, maximum and last of a count.
+struct CountStatistics {
+  double sum = 0;
+  std::int64_t samples = 0;
+  int max = 0;
+  int final = 0;
+
+  void Add(int count);
+  double mean() const { return samples == 0 ? 0 : sum / static_cast<double>(samples); }
+};
+
+// What a run measured, from the step `measure_from` on.
+struct RunStatistics {
+  std::uint64_t steps = 0;             // made in all
+  std::vector<float> wall_ms, cpu_ms;  // of each step measured
+  std::int64_t deadline_misses = 0;    // with real time only
+  bool interrupted = false;
+  CountStatistics colliding_particles, zones;
+  std::optional<double> volume_error_max;
+  std::optional<Penetration> penetration;  // largest at the sampled instants
+  MomentumError momentum_error;            // largest at the sampled instants
+  std::vector<double> peak_force_n;        // [#tools]
+};
+
+struct RunOptions {
+  std::uint64_t steps = 0;
+  std::uint64_t measure_from = 0;  // < steps
+  bool realtime = false;           // each step begins no earlier than its time
+  bool one_thread = true;          // the engine works on the calling thread only
+};
+
+// Steps the engine until the end, a non-finite state, or `stop`.
+RunStatistics RunHeadless(Engine* engine, const RunOptions& options, const std::atomic<bool>& stop);
+
+}  // namespace adhesim

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/scene/scene_file.h"
+
+namespace adhesim {
+
+struct LoadedScene {
+  SceneFile file;  // its scene as written, with the settings applied
+  std::shared_ptr<const Model> model;
+};
+
+// Reads a scene file, applies settings ("rate_hz=500") in their order and makes the model. Prints
+// every problem to stderr; empty when one of them is more than a warning.
+std::optional<LoadedScene> LoadScene(const std::string& path,
+                                     const std::vector<std::string>& settings = {});
+
+}  // namespace adhesim

@@ -1,0 +1,32 @@
+#include "clients/cli/output.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+
+namespace adhesim {
+
+bool ColourOnStderr() {
+  const char* no_colour = std::getenv("NO_COLOR");
+  return isatty(STDERR_FILENO) == 1 && (no_colour == nullptr || *no_colour == '\0');
+}
+
+void PrintJson(const Json& json) {
+  // Text from a file name may be any bytes: what is not UTF-8 is replaced, not thrown at.
+  std::cout << json.dump(-1, ' ', false, Json::error_handler_t::replace) << std::endl;
+}
+
+Distribution Describe(std::vector<float> values) {
+  std::sort(values.begin(), values.end());
+  const auto rank = [&](double fraction) {
+    const auto index =
+        static_cast<std::size_t>(std::ceil(fraction * static_cast<double>(values.size())));
+    return values[std::clamp<std::size_t>(index, 1, values.size()) - 1];
+  };
+  return {values.front(), rank(0.5), rank(0.99), values.back()};
+}
+
+}  // namespace adhesim

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <span>
+#include <vector>
+
+namespace adhesim {
+
+// JSON objects keep the order in which their fields are written.
+using Json = nlohmann::ordered_json;
+
+// Whether messages on stderr may be coloured: a terminal, and NO_COLOR is not set.
+bool ColourOnStderr();
+
+// One object to stdout, on one line.
+void PrintJson(const Json& json);
+
+struct Distribution {
+  double min = 0, median = 0, p99 = 0, max = 0;
+};
+
+// Of at least one value; percentiles are values that occurred (the nearest rank).
+Distribution Describe(std::vector<float> values);
+
+}  // namespace adhesim

@@ -1,0 +1,196 @@
+#include "clients/cli/run_report.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <numeric>
+
+#include "core/scene/field_options.h"
+
+namespace adhesim {
+namespace {
+
+Json ToJson(const Distribution& d) {
+  return {{"min", d.min}, {"median", d.median}, {"p99", d.p99}, {"max", d.max}};
+}
+
+Json ToJson(const CountStatistics& count) {
+  return {{"mean", count.mean()}, {"max", count.max}, {"final", count.final}};
+}
+
+Json ToJson(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+// The instruction set that the program was compiled for; one for all machines of an architecture.
+const char* Simd() {
+#if defined(__AVX2__)
+  return "avx2";
+#elif defined(__SSE2__)
+  return "sse2";
+#elif defined(__ARM_NEON)
+  return "neon";
+#else
+  return "none";
+#endif
+}
+
+Json EnergyJson(const Engine& engine) {
+  const Ledger& ledger = engine.state().ledger;
+  return {{"initial_j", ledger.initial_j},
+          {"final_j", engine.MechanicalEnergy()},
+          {"reference_j", EnergyReference(ledger)},
+          {"external_work_j", ledger.external_work_j},
+          {"tool_work_j", ledger.tool_work_j},
+          {"captured_j", ledger.captured_j},
+          {"viscous_j", ledger.viscous_j},
+          {"rotation_j", ledger.rotation_j},
+          {"numerical_j", ledger.numerical_j},
+          {"correction_j", ledger.correction_j},
+          {"volume_j", ledger.volume_j},
+          {"identity_error", IdentityError(ledger)}};
+}
+
+Json ToolsJson(const Engine& engine, const RunStatistics& statistics) {
+  Json tools = Json::array();
+  for (std::size_t i = 0; i < engine.model().tools.size(); ++i) {
+    const Wrench& tissue = engine.state().tools[i].tissue;
+    tools.push_back({{"name", engine.model().tools[i].name},
+                     {"peak_force_n", statistics.peak_force_n[i]},
+                     {"final_force_n", ToJson(tissue.force_n)},
+                     {"final_torque_nm", ToJson(tissue.torque_nm)}});
+  }
+  return tools;
+}
+
+// Names of the scene's effects, in its order.
+Json EffectsJson(const v1::Scene& scene) {
+  Json names = Json::array();
+  for (const v1::Effect& effect : scene.effects()) {
+    const auto* kind = effect.GetDescriptor()->FindOneofByName("kind");
+    names.push_back(effect.GetReflection()->GetOneofFieldDescriptor(effect, kind)->name());
+  }
+  return names;
+}
+
+void AddTimes(const Engine& engine, const RunOptions& options, const RunStatistics& statistics,
+              Json* report) {
+  if (statistics.wall_ms.empty()) return;
+  (*report)["wall_ms_per_step"] = ToJson(Describe(statistics.wall_ms));
+  (*report)["cpu_ms_per_step"] = ToJson(Describe(statistics.cpu_ms));
+  // Of stepping alone: neither waiting for deadlines nor measuring is in it.
+  const double simulated_s = static_cast<double>(statistics.wall_ms.size()) * engine.model().dt_s;
+  const double wall_s =
+      1e-3 * std::accumulate(statistics.wall_ms.begin(), statistics.wall_ms.end(), 0.0);
+  (*report)["realtime_factor"] = simulated_s / wall_s;
+  if (options.realtime) (*report)["deadline_misses"] = statistics.deadline_misses;
+  (*report)["stages"] = StagesJson(engine);
+}
+
+std::string Number(const Json& value) { return absl::StrFormat("%.4g", value.get<double>()); }
+
+std::string TimesText(const Json& report) {
+  if (!report.contains("wall_ms_per_step")) return "";
+  const Json& wall = report["wall_ms_per_step"];
+  std::string text = absl::StrCat("step      ", Number(wall["median"]), " ms median, ",
+                                  Number(wall["p99"]), " ms p99, ", Number(wall["max"]),
+                                  " ms max; ", Number(report["realtime_factor"]), " x real time\n");
+  if (report.contains("deadline_misses")) {
+    absl::StrAppend(&text, "deadlines ", report["deadline_misses"].get<std::int64_t>(),
+                    " missed\n");
+  }
+  for (const Json& stage : report["stages"]) {
+    absl::StrAppend(
+        &text,
+        absl::StrFormat("  %-24s %9.1f us %5.1f %%\n", stage["name"].get<std::string>(),
+                        stage["median_us"].get<double>(), 100 * stage["share"].get<double>()));
+  }
+  return text;
+}
+
+}  // namespace
+
+Json StagesJson(const Engine& engine) {
+  double sum = 0;
+  std::vector<double> medians;
+  for (const Engine::Stage& stage : engine.stages()) {
+    medians.push_back(stage.us.empty() ? 0 : Describe(stage.us).median);
+    sum += medians.back();
+  }
+  Json stages = Json::array();
+  for (std::size_t i = 0; i < medians.size(); ++i) {
+    stages.push_back({{"name", engine.stages()[i].name},
+                      {"median_us", medians[i]},
+                      {"share", sum > 0 ? medians[i] / sum : 0},
+                      {"reason", engine.stages()[i].reason}});
+  }
+  return stages;
+}
+
+Json RunReportJson(const Engine& engine, const RunOptions& options, const RunStatistics& statistics,
+                   int threads) {
+  const Model& model = engine.model();
+  Json report = {{"scene", model.name},
+                 {"steps", statistics.steps},
+                 {"dt_s", model.dt_s},
+                 {"substeps", engine.substeps()},
+                 {"threads", threads},
+                 {"simd", Simd()},
+                 {"bodies", model.bodies.size()},
+                 {"particles", model.particle_count()},
+                 {"triangles", model.triangles.size()},
+                 {"finite", !engine.frozen()}};
+  if (statistics.interrupted) report["interrupted"] = true;
+  AddTimes(engine, options, statistics, &report);
+  if (model.adhesive || !model.tools.empty()) {
+    report["colliding_particles"] = ToJson(statistics.colliding_particles);
+    report["zones"] = ToJson(statistics.zones);
+  }
+  if (statistics.penetration) {
+    report["max_depth_m"] = statistics.penetration->max_depth_m;
+    report["vertices_inside_max"] = statistics.penetration->vertices_inside;
+  }
+  if (statistics.volume_error_max) report["volume_error_max"] = *statistics.volume_error_max;
+  report["energy"] = EnergyJson(engine);
+  report["momentum_error"] = {{"linear", statistics.momentum_error.linear},
+                              {"angular", statistics.momentum_error.angular}};
+  if (!model.tools.empty()) report["tools"] = ToolsJson(engine, statistics);
+  report["effects"] = EffectsJson(model.scene);
+  report["state_hash"] = absl::StrFormat("%016x", engine.StateHash());
+  return report;
+}
+
+std::string RunReportText(const Json& report) {
+  std::string text =
+      absl::StrCat(report["scene"].get<std::string>(), ": ", report["particles"].get<int>(),
+                   " particles, ", report["triangles"].get<int>(), " triangles; ",
+                   report["steps"].get<std::uint64_t>(), " steps of ", Number(report["dt_s"]),
+                   " s (", report["substeps"].get<int>(), " sub-steps)\n", TimesText(report));
+  if (report.contains("colliding_particles")) {
+    const Json& particles = report["colliding_particles"];
+    absl::StrAppend(&text, "contact   ", Number(particles["mean"]),
+                    " colliding particles in the mean, ", particles["max"].get<int>(), " at most, ",
+                    particles["final"].get<int>(), " at the end, in ",
+                    report["zones"]["final"].get<int>(), " zones\n");
+  }
+  if (report.contains("max_depth_m")) {
+    absl::StrAppend(&text, "overlap   ", Number(report["max_depth_m"]), " m at most, ",
+                    report["vertices_inside_max"].get<int>(), " particles\n");
+  }
+  if (report.contains("tools")) {
+    for (const Json& tool : report["tools"]) {
+      absl::StrAppend(&text, "tool      ", tool["name"].get<std::string>(), ": peak force ",
+                      Number(tool["peak_force_n"]), " N\n");
+    }
+  }
+  absl::StrAppend(&text, "energy    ", Number(report["energy"]["initial_j"]), " J at the start, ",
+                  Number(report["energy"]["final_j"]), " J at the end; identity error ",
+                  Number(report["energy"]["identity_error"]), "\n");
+  absl::StrAppend(&text, "momentum  error ", Number(report["momentum_error"]["linear"]),
+                  " linear, ", Number(report["momentum_error"]["angular"]), " angular\n");
+  if (report.contains("volume_error_max")) {
+    absl::StrAppend(&text, "volume    error ", Number(report["volume_error_max"]), "\n");
+  }
+  absl::StrAppend(&text, "state     ", report["state_hash"].get<std::string>(), "\n");
+  return text;
+}
+
+}  // namespace adhesim

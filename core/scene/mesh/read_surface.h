@@ -1,0 +1,24 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+#include "core/model/geometry.h"
+
+namespace adhesim {
+
+// The path of a file as a scene writes it: relative to the scene's directory; "asset:NAME" is a
+// file that set-up installed (scenes/fetch_assets.sh), looked for in $ADHESIM_ASSETS, then in
+// build/assets below the current directory and below the scene's directory and its ancestors, then
+// in /usr/share/adhesim/assets.
+absl::StatusOr<std::string> ResolveFile(const std::string& file, const std::string& directory);
+
+// The surface around the labels of an image file, in metres.
+absl::StatusOr<TriangleMesh> ReadLabelSurface(const std::string& path, int particles);
+
+// Whatever surface a file holds: a mesh in its own unit, or a label map with `particles` vertices
+// in metres.
+absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles = 1500);
+
+}  // namespace adhesim

@@ -1,0 +1,154 @@
+#include "core/tools/coupling.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "core/tools/rotation.h"
+
+namespace adhesim {
+namespace {
+
+// max_speed_m_s holds for every point of the tool this near to its tip.
+constexpr double kSpeedRadius_m = 0.1;
+
+Vec6 Stack(const Vec3& linear, const Vec3& angular) {
+  Vec6 v;
+  v << linear, angular;
+  return v;
+}
+
+// The velocity after one backward Euler step of
+//   M dv/dt = K e - D v + applied,  de/dt = -v,
+// with the critical damping D = 2 M^1/2 (M^-1/2 K M^-1/2)^1/2 M^1/2. In the modes of K^-1/2 M
+// K^-1/2 (eigenvalues l, the squared time constants) the equations part, and each has the closed
+// form
+//   v' = (l v + dt (f + e)) / (sqrt(l) + dt)^2.
+Vec6 SpringVelocity(const Mat6& inertia, const Vec6& root_stiffness, const Vec6& error,
+                    const Vec6& velocity, const Vec6& applied, double dt) {
+  const Vec6 inverse_root = root_stiffness.cwiseInverse();
+  const Mat6 scaled = inverse_root.asDiagonal() * inertia * inverse_root.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Mat6> modes(scaled);
+  const Mat6& u = modes.eigenvectors();
+  const Vec6 v = u.transpose() * root_stiffness.cwiseProduct(velocity);
+  const Vec6 pull =
+      u.transpose() * (root_stiffness.cwiseProduct(error) + inverse_root.cwiseProduct(applied));
+  Vec6 next;
+  for (int i = 0; i < 6; ++i) {
+    const double l = std::max(modes.eigenvalues()[i], 0.0);
+    const double denominator = (std::sqrt(l) + dt) * (std::sqrt(l) + dt);
+    next[i] = (l * v[i] + dt * pull[i]) / denominator;
+  }
+  return inverse_root.cwiseProduct(u * next);
+}
+
+// Scales `v` to at most `limit`; true when it was longer.
+template <typename Block>
+bool Clip(double limit, Block&& v) {
+  const double length = v.norm();
+  if (!(length > limit)) return false;
+  v *= limit / length;
+  return true;
+}
+
+// Scales a velocity so that no point within kSpeedRadius_m of the tip is faster than the limit.
+bool ClipSpeed(double limit, Vec6* velocity) {
+  const double speed = velocity->head<3>().norm() + kSpeedRadius_m * velocity->tail<3>().norm();
+  if (!(speed > limit)) return false;
+  *velocity *= limit / speed;
+  return true;
+}
+
+// Largest speed towards a target `distance` away from which a deceleration can still stop in time,
+// in steps of dt (the root of v^2 / 2a + v dt / 2 = distance, without cancellation). What one step
+// can stop needs no foresight.
+double BrakingSpeed(double distance, double deceleration, double dt) {
+  const double step = deceleration * dt;
+  return std::max(step, 4 * distance / (dt * (1 + std::sqrt(1 + 8 * distance / (step * dt)))));
+}
+
+// Keeps the velocity towards the target to what the limited force can brake.
+template <typename Block>
+void LimitApproach(const Vec3& error, double deceleration, double dt, Block&& velocity) {
+  const double distance = error.norm();
+  if (distance == 0) return;
+  const Vec3 direction = error / distance;
+  const double excess = velocity.dot(direction) - BrakingSpeed(distance, deceleration, dt);
+  if (excess > 0) velocity -= excess * direction;
+}
+
+}  // namespace
+
+CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& pose,
+                            const Twist& twist, const Pose& target, const Mat6& inertia,
+                            const Wrench& applied, double dt_s) {
+  const Vec6 error =
+      Stack(target.position_m - pose.position_m,
+            VectorOf((target.orientation * pose.orientation.conjugate()).normalized()));
+  const Vec6 velocity = Stack(twist.linear_m_s, twist.angular_rad_s);
+  const Vec6 pull = Stack(applied.force_n, applied.torque_nm);
+  Vec6 root_stiffness;
+  root_stiffness << Vec3::Constant(std::sqrt(parameters.stiffness_n_m)),
+      Vec3::Constant(std::sqrt(parameters.angular_stiffness_nm_rad));
+
+  // 1. The velocity that the unlimited spring leads to, then what of it the limits permit to aim
+  // for.
+  CouplingResult result;
+  Vec6 aim = SpringVelocity(inertia, root_stiffness, error, velocity, pull, dt_s);
+  result.speed_limited = ClipSpeed(parameters.max_speed_m_s, &aim);
+  const double mass = inertia.topLeftCorner<3, 3>().trace() / 3;
+  const double moment = inertia.bottomRightCorner<3, 3>().trace() / 3;
+  LimitApproach(error.head<3>(), parameters.max_force_n / mass, dt_s, aim.head<3>());
+  LimitApproach(error.tail<3>(), parameters.max_torque_nm / moment, dt_s, aim.tail<3>());
+
+  // 2. The wrench that takes it there, limited, and what that makes of the velocity. Without limits
+  // this is the spring's and damper's wrench at the end of the step.
+  Vec6 wrench = inertia * (aim - velocity) / dt_s - pull;
+  const bool force_clipped = Clip(parameters.max_force_n, wrench.head<3>());
+  const bool torque_clipped = Clip(parameters.max_torque_nm, wrench.tail<3>());
+  result.force_limited = force_clipped || torque_clipped;
+  Vec6 next = aim;
+  if (result.force_limited) next = velocity + dt_s * inertia.ldlt().solve(wrench + pull);
+  if (ClipSpeed(parameters.max_speed_m_s, &next)) result.speed_limited = true;
+
+  result.twist = {next.head<3>(), next.tail<3>()};
+  result.wrench = {wrench.head<3>(), wrench.tail<3>()};
+  return result;
+}
+
+Mat6 ToolInertia(const ToolModel& tool, const Pose& /*pose*/) {
+  double length = 0;
+  if (const auto* needle = std::get_if<NeedleShape>(&tool.shape)) {
+    length = needle->length_m;
+  } else {
+    const auto& lancet = std::get<LancetShape>(tool.shape);
+    length = lancet.blade_length_m + lancet.handle_length_m;
+  }
+  const double mass = tool.coupling.mass_kg;
+  Mat6 inertia = Mat6::Zero();
+  inertia.diagonal() << Vec3::Constant(mass), Vec3::Constant(mass * length * length / 3);
+  return inertia;
+}
+
+Pose Advance(const Pose& pose, const Twist& twist, double dt_s) {
+  return {pose.position_m + dt_s * twist.linear_m_s,
+          (RotationOf(dt_s * twist.angular_rad_s) * pose.orientation).normalized()};
+}
+
+Pose PoseAt(const std::vector<TimedPose>& trajectory, double time_s) {
+  if (trajectory.empty()) return {};
+  const auto after =
+      std::upper_bound(trajectory.begin(), trajectory.end(), time_s,
+                       [](double t, const TimedPose& timed) { return t < timed.t_s; });
+  if (after == trajectory.begin()) return trajectory.front().pose;
+  if (after == trajectory.end()) return trajectory.back().pose;
+  const TimedPose& a = *(after - 1);
+  const TimedPose& b = *after;
+  const double s = (time_s - a.t_s) / (b.t_s - a.t_s);
+  const Vec3 turn = VectorOf((b.pose.orientation * a.pose.orientation.conjugate()).normalized());
+  return {a.pose.position_m + s * (b.pose.position_m - a.pose.position_m),
+          (RotationOf(s * turn) * a.pose.orientation).normalized()};
+}
+
+}  // namespace adhesim

@@ -1,0 +1,228 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace adhesim {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+using Json = nlohmann::json;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out;
+  std::string err;
+};
+
+std::string TempFile(const std::string& name) {
+  // Tests may run at the same time in processes of their own.
+  return ::testing::TempDir() + "cli_test_" + std::to_string(getpid()) + "_" + name;
+}
+
+std::string ReadAll(const std::string& path) {
+  std::ifstream stream(path);
+  return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+}
+
+Outcome Adhesim(const std::string& arguments) {
+  const std::string out = TempFile("out"), err = TempFile("err");
+  const std::string command =
+      std::string(ADHESIM_PROGRAM) + " " + arguments + " >" + out + " 2>" + err + " </dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(out), ReadAll(err)};
+}
+
+std::string Scene(const std::string& text) {
+  const std::string path = TempFile("scene.yaml");
+  std::ofstream(path) << text;
+  return path;
+}
+
+// A ball that falls, and one beside it.
+std::string FallingScene() {
+  return Scene(
+      "name: falling\nbodies:\n"
+      "  - {name: a, icosphere: {radius_m: 10 mm}, mass_kg: 1 g}\n"
+      "  - {name: b, icosphere: {radius_m: 10 mm}, mass_kg: 1 g, position_m: [1, 0, 0]}\n"
+      "effects:\n"
+      "  - shape_memory: {stiffness_n_m: 1}\n"
+      "  - volume_preservation: {}\n"
+      "  - uniform_gravity: {}\n");
+}
+
+TEST(Cli, HelpsEverywhere) {
+  for (const char* command :
+       {"", "run", "scene", "scene check", "scene show", "scene schema", "scene explain"}) {
+    const Outcome outcome = Adhesim(std::string(command) + " --help");
+    EXPECT_EQ(outcome.exit_code, 0) << command;
+    EXPECT_THAT(outcome.out, HasSubstr("Usage: ")) << command;
+  }
+  EXPECT_THAT(Adhesim("--version").out, StartsWith("adhesim "));
+}
+
+TEST(Cli, EndsWithTwoOnBadUsage) {
+  const std::string scene = FallingScene();
+  for (const std::string& arguments :
+       {std::string(), std::string("run"), std::string("scene"), "run " + scene + " --threads 0",
+        "run " + scene + " --nonsense", "run " + scene + " --steps 0",
+        "run " + scene + " --seconds -1", "run " + scene + " --steps 5 --seconds 1",
+        "run " + scene + " --steps many", "run " + scene + " --steps 5 --measure-from 1",
+        "run " + scene + " --rate 0", "run " + scene + " --set rate",
+        "run " + scene + " --set rate=5", "run " + scene + " --set bodies[0].mass_kg=-1"}) {
+    const Outcome outcome = Adhesim(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments;
+    EXPECT_THAT(outcome.err, HasSubstr("error: ")) << arguments;
+    EXPECT_EQ(outcome.out, "") << arguments;
+  }
+}
+
+TEST(Cli, SuggestsTheCommandMeant) {
+  EXPECT_THAT(Adhesim("rnu x").err, HasSubstr("did you mean 'run'?"));
+  EXPECT_THAT(Adhesim("scene chek x").err, HasSubstr("did you mean 'check'?"));
+}
+
+TEST(Cli, ReportsEveryMistakeOfAScene) {
+  const std::string path =
+      Scene("bodies:\n  - name: a\n    mesh: {file: absent.obj}\n    mass_kg: -1\nrate: 5\n");
+  for (const char* command : {"scene check ", "run ", "scene explain "}) {
+    const Outcome outcome = Adhesim(command + path);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_THAT(outcome.err,
+                HasSubstr(path + ":3:18: error: bodies[0].mesh.file: no such file: 'absent.obj'"));
+    EXPECT_THAT(outcome.err, HasSubstr(path + ":4:14: error: bodies[0].mass_kg: is -1"));
+    EXPECT_THAT(outcome.err,
+                HasSubstr(path + ":5:1: error: rate: unknown field 'rate' in Scene (did you mean"));
+  }
+  EXPECT_EQ(Adhesim("run no_such_scene.yaml").exit_code, 2);
+}
+
+TEST(Cli, ChecksSeveralScenes) {
+  const std::string good = FallingScene();
+  const Outcome outcome = Adhesim("scene check " + good + " no_such_scene.yaml");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.out, HasSubstr(good + ": ok, 2 bodies, 84 particles"));
+  EXPECT_THAT(outcome.err, HasSubstr("no_such_scene.yaml:1:1: error: no such file"));
+  EXPECT_EQ(Adhesim("scene check " + good).exit_code, 0);
+}
+
+TEST(Cli, ShowsASceneThatReadsBackTheSame) {
+  const Outcome shown = Adhesim("scene show " + FallingScene());
+  EXPECT_EQ(shown.exit_code, 0);
+  EXPECT_THAT(shown.out, HasSubstr("rate_hz: 1000\n"));
+  const Outcome again = Adhesim("scene show " + Scene(shown.out));
+  EXPECT_EQ(again.out, shown.out);
+}
+
+TEST(Cli, PrintsTheSchema) {
+  const Outcome outcome = Adhesim("scene schema");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_TRUE(Json::parse(outcome.out).contains("$defs"));
+}
+
+TEST(Cli, RunReportsTheFieldsOfTheContract) {
+  const Outcome outcome =
+      Adhesim("run " + FallingScene() + " --steps 200 --measure-from 0.1 --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Json report = Json::parse(outcome.out);
+  EXPECT_EQ(report["scene"], "falling");
+  EXPECT_EQ(report["steps"], 200);
+  EXPECT_EQ(report["dt_s"], 0.001);
+  EXPECT_EQ(report["bodies"], 2);
+  EXPECT_EQ(report["particles"], 84);
+  EXPECT_EQ(report["triangles"], 160);
+  EXPECT_EQ(report["finite"], true);
+  for (const char* field : {"threads", "simd", "realtime_factor", "stages", "volume_error_max",
+                            "state_hash", "max_depth_m", "vertices_inside_max"}) {
+    EXPECT_TRUE(report.contains(field)) << field;
+  }
+  for (const char* times : {"wall_ms_per_step", "cpu_ms_per_step"}) {
+    for (const char* figure : {"min", "median", "p99", "max"})
+      EXPECT_GE(report[times][figure], 0) << figure;
+  }
+  EXPECT_EQ(report["effects"], Json({"shape_memory", "volume_preservation", "uniform_gravity"}));
+  // The scene has no tools, no adhesive and no deadlines.
+  for (const char* field :
+       {"tools", "colliding_particles", "zones", "deadline_misses", "tetrahedra"}) {
+    EXPECT_FALSE(report.contains(field)) << field;
+  }
+  // 2 g fall 0.2 s at 9.81 m/s^2: the work of gravity is m g^2 t^2 / 2, up to the first order in
+  // the step of 1 ms.
+  const Json& energy = report["energy"];
+  EXPECT_NEAR(energy["external_work_j"].get<double>(), 0.002 * 9.81 * 9.81 * 0.04 / 2,
+              0.01 * 0.00385);
+  for (const char* field : {"initial_j", "final_j", "reference_j", "tool_work_j", "captured_j",
+                            "viscous_j", "rotation_j", "numerical_j", "correction_j"}) {
+    EXPECT_TRUE(energy.contains(field)) << field;
+  }
+  EXPECT_LE(energy["identity_error"], 1e-9);  // the contract's own bound
+  EXPECT_LE(report["momentum_error"]["linear"], 1e-10);
+  EXPECT_LE(report["momentum_error"]["angular"], 1e-10);
+}
+
+TEST(Cli, RunGivesTheSameStateEachTimeAndAnotherWithAnotherSetting) {
+  const std::string run = "run " + FallingScene() + " --steps 50 --json ";
+  const auto hash = [](const Outcome& outcome) {
+    return Json::parse(outcome.out)["state_hash"].get<std::string>();
+  };
+  const std::string first = hash(Adhesim(run));
+  EXPECT_EQ(hash(Adhesim(run)), first);
+  EXPECT_EQ(hash(Adhesim(run + "--threads 2")), first);
+  EXPECT_NE(hash(Adhesim(run + "--set bodies[0].velocity_m_s='[1 mm/s, 0, 0]'")), first);
+}
+
+TEST(Cli, RunTakesRateAndSettings) {
+  const Outcome outcome =
+      Adhesim("run " + FallingScene() +
+              " --seconds 0.1 --rate 500 --set effects[0].shape_memory.stiffness_n_m=2 --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(Json::parse(outcome.out)["steps"], 50);
+  EXPECT_EQ(Json::parse(outcome.out)["dt_s"], 0.002);
+}
+
+TEST(Cli, RunCountsDeadlinesInRealTime) {
+  const Outcome outcome = Adhesim("run " + FallingScene() + " --steps 20 --realtime --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_GE(Json::parse(outcome.out)["deadline_misses"], 0);
+}
+
+TEST(Cli, RunStopsCleanlyOnInterrupt) {
+  const std::string out = TempFile("interrupted");
+  // SIGINT would be ignored by a background job of the shell; SIGTERM takes the same way.
+  const std::string command = std::string("timeout --preserve-status -s TERM 1 ") +
+                              ADHESIM_PROGRAM + " run " + FallingScene() +
+                              " --seconds 1000 --realtime --json >" + out;
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 130);
+  EXPECT_EQ(Json::parse(ReadAll(out))["interrupted"], true);
+}
+
+TEST(Cli, RunPrintsAFewLinesForPeople) {
+  const Outcome outcome = Adhesim("run " + FallingScene() + " --steps 10");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.out, StartsWith("falling: 84 particles"));
+}
+
+TEST(Cli, ExplainsWhatASceneSwitchesOn) {
+  const std::string scene = FallingScene();
+  const Outcome text = Adhesim("scene explain " + scene);
+  EXPECT_EQ(text.exit_code, 0) << text.err;
+  EXPECT_THAT(text.out, HasSubstr(scene + ":6\n"));
+  EXPECT_THAT(text.out, HasSubstr("Left out\n"));
+  const Json json = Json::parse(Adhesim("scene explain " + scene + " --json").out);
+  EXPECT_EQ(json["effects"][2]["name"], "uniform_gravity");
+  EXPECT_EQ(json["effects"][2]["line"], 8);
+  EXPECT_FALSE(json["stages"].empty());
+  EXPECT_EQ(json["left_out"].size(), 3u);
+}
+
+}  // namespace
+}  // namespace adhesim

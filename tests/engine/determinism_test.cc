@@ -1,0 +1,113 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "tests/support/engine_fixture.h"
+#include "tests/support/sample_scenes.h"
+
+namespace {
+
+std::atomic<long> allocations{0};
+
+}  // namespace
+
+// Counts every allocation of this program that goes through operator new (Eigen's fixed sizes do
+// not allocate; FCL, Bullet and the containers do when they grow).
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* p = std::malloc(size ? size : 1)) return p;
+  throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace adhesim::test {
+namespace {
+
+TEST(Determinism, TwoRunsAndAnyNumberOfThreadsGiveTheSameBits) {
+  const auto model = ModelOf(kChurningCells);
+  auto first = EngineOf(model), second = EngineOf(model), threaded = EngineOf(model, 2),
+       three = EngineOf(model, 3);
+  for (int k = 0; k < 10; ++k) {
+    for (Engine* engine : {first.get(), second.get(), threaded.get(), three.get()})
+      StepMany(engine, 100);
+    EXPECT_EQ(first->StateHash(), second->StateHash());
+    EXPECT_EQ(first->StateHash(), threaded->StateHash());
+    EXPECT_EQ(first->StateHash(), three->StateHash());
+  }
+  EXPECT_GT(first->state().contacts.next_zone_id, 5);
+}
+
+TEST(Determinism, HashSeesASingleBit) {
+  auto engine = EngineOf(kChurningCells);
+  StepMany(engine.get(), 10);
+  const std::uint64_t hash = engine->StateHash();
+  State state = engine->state();
+  state.position_m[17].y() = std::nextafter(state.position_m[17].y(), 10.0);
+  engine->Restore(state);
+  EXPECT_NE(engine->StateHash(), hash);
+}
+
+TEST(Determinism, RestoredSnapshotInTheMiddleOfContactContinuesWithTheSameBits) {
+  auto engine = EngineOf(kChurningCells);
+  StepMany(engine.get(), 700);
+  ASSERT_GT(engine->state().contacts.bonds.size(), 0u);
+  const State snapshot = engine->state();
+  StepMany(engine.get(), 300);
+  const std::uint64_t hash = engine->StateHash();
+  engine->Restore(snapshot);
+  StepMany(engine.get(), 300);
+  EXPECT_EQ(engine->StateHash(), hash);
+  auto other = EngineOf(kChurningCells, 2);  // an engine without any history
+  other->Restore(snapshot);
+  StepMany(other.get(), 300);
+  EXPECT_EQ(other->StateHash(), hash);
+}
+
+TEST(Step, AllocatesNothing) {
+  auto engine = EngineOf(kChurningCells);
+  Frame frame = engine->MakeFrame();
+  engine->TimeStages(100);
+  const long before = allocations;
+  for (int k = 0; k < 1500; ++k) {
+    engine->Step({});
+    engine->WriteFrame(&frame);
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GT(engine->state().contacts.next_zone_id, 5);  // contact did happen
+}
+
+TEST(Step, AllocatesNothingWithAToolInContact) {
+  auto engine = EngineOf(NeedleScene(kPressAndPull));
+  Frame frame = engine->MakeFrame();
+  const long before = allocations;
+  int most = 0;
+  for (int k = 0; k < 1200; ++k) {
+    engine->Step({});
+    engine->WriteFrame(&frame);
+    most = std::max(most, frame.tools[0].colliding_particles);
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GE(most, 3);
+}
+
+TEST(Step, FreezesOnANonFiniteStateAndSaysSo) {
+  auto engine = EngineOf(kChurningCells);
+  StepMany(engine.get(), 5);
+  State broken = engine->state();
+  broken.velocity_m_s[3].x() = std::numeric_limits<double>::quiet_NaN();
+  engine->Restore(broken);
+  EXPECT_TRUE(engine->Step({}).bits & kStepNonFinite);
+  EXPECT_TRUE(engine->frozen());
+  const std::uint64_t step = engine->state().step;
+  EXPECT_TRUE(engine->Step({}).bits & kStepNonFinite);
+  EXPECT_EQ(engine->state().step, step);
+  engine->Reset();
+  EXPECT_FALSE(engine->frozen());
+  EXPECT_EQ(StepMany(engine.get(), 5), 0u);
+}
+
+}  // namespace
+}  // namespace adhesim::test

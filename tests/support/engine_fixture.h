@@ -1,0 +1,57 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+
+#include "core/engine/engine.h"
+#include "core/scene/build_model.h"
+#include "core/scene/scene_file.h"
+#include "core/scene/validate.h"
+
+namespace adhesim::test {
+
+// True under `./dev test --all`: the sizes that the issues name, instead of those that fit the
+// gate.
+inline bool FullSize() {
+  const char* size = std::getenv("ADHESIM_TEST_SIZE");
+  return size != nullptr && std::string(size) == "full";
+}
+
+inline std::shared_ptr<const Model> ModelOf(const SceneFile& file) {
+  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
+  BuiltModel built = BuildModel(WithDefaults(file.scene), file.directory);
+  EXPECT_TRUE(built.model) << file.Format(file.Located(built.problems));
+  return built.model;
+}
+
+// The model of a scene given as YAML text.
+inline std::shared_ptr<const Model> ModelOf(const std::string& yaml) {
+  return ModelOf(ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR));
+}
+
+inline std::unique_ptr<Engine> EngineOf(std::shared_ptr<const Model> model, int threads = 1) {
+  auto engine = Engine::Create(std::move(model), {.threads = threads});
+  EXPECT_TRUE(engine.ok()) << engine.status();
+  return *std::move(engine);
+}
+
+inline std::unique_ptr<Engine> EngineOf(const std::string& yaml, int threads = 1) {
+  return EngineOf(ModelOf(yaml), threads);
+}
+
+// A scene of the repository, by its path below scenes/.
+inline std::unique_ptr<Engine> SceneEngine(const std::string& path, int threads = 1) {
+  return EngineOf(ModelOf(ReadSceneFile(ADHESIM_SOURCE_DIR "/scenes/" + path)), threads);
+}
+
+// Steps with every tool on its trajectory; returns the union of the report bits.
+inline std::uint32_t StepMany(Engine* engine, int steps) {
+  std::uint32_t bits = 0;
+  for (int k = 0; k < steps; ++k) bits |= engine->Step({}).bits;
+  return bits;
+}
+
+}  // namespace adhesim::test
