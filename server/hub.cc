@@ -34,7 +34,7 @@ absl::StatusOr<int> Hub::FindTool(const std::string& tool) const {
 absl::StatusOr<std::uint64_t> Hub::AddOperator(const std::string& tool, OperatorSink* sink) {
   const absl::StatusOr<int> index = FindTool(tool);
   if (!index.ok()) return index.status();
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   if (!refusal_.ok()) return refusal_;
   Operator& seat = operators_[*index];
   if (seat.sink != nullptr) {
@@ -46,14 +46,14 @@ absl::StatusOr<std::uint64_t> Hub::AddOperator(const std::string& tool, Operator
 }
 
 void Hub::RemoveOperator(OperatorSink* sink) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   for (Operator& seat : operators_) {
     if (seat.sink == sink) seat = Operator{};
   }
 }
 
 absl::Status Hub::AddViewer(const ViewerOptions& options, ViewerSink* sink) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   if (!refusal_.ok()) return refusal_;
   Viewer viewer;
   viewer.options = options;
@@ -62,12 +62,12 @@ absl::Status Hub::AddViewer(const ViewerOptions& options, ViewerSink* sink) {
 }
 
 void Hub::RemoveViewer(ViewerSink* sink) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   viewers_.erase(sink);
 }
 
 void Hub::Acknowledge(ViewerSink* sink, std::uint64_t frames) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   const auto found = viewers_.find(sink);
   if (found == viewers_.end()) return;
   Viewer& viewer = found->second;
@@ -76,17 +76,17 @@ void Hub::Acknowledge(ViewerSink* sink, std::uint64_t frames) {
 }
 
 void Hub::AnnounceDraining() {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   draining_ = true;
 }
 
 std::uint32_t Hub::viewers() const {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   return viewers_.size();
 }
 
 std::vector<std::string> Hub::operated_tools() const {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   std::vector<std::string> names;
   for (std::size_t i = 0; i < operators_.size(); ++i) {
     if (operators_[i].sink != nullptr) names.push_back(model_.tools[i].name);
@@ -106,7 +106,7 @@ SharedBytes Hub::Serialise(const v1::WatchResponse& response) const {
 }
 
 void Hub::OnFrame(const SessionFrame& frame, bool fresh) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   if (frame.state == v1::SESSION_STATE_FROZEN) {
     if (!fresh) return;
     EndAll(Error(Reason::kSessionFrozen,
@@ -196,7 +196,7 @@ void Hub::DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* view
 }
 
 void Hub::OnHeartbeat(const SessionFrame& frame) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   v1::InteractResponse to_operators;
   Stamp(frame, &to_operators);
   EncodeHeartbeat(frame, draining_, to_operators.mutable_heartbeat());
@@ -213,7 +213,7 @@ void Hub::OnHeartbeat(const SessionFrame& frame) {
 }
 
 void Hub::OnEnd(const absl::Status& why) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   EndAll(why);
 }
 

@@ -1,12 +1,11 @@
 #pragma once
 
-#include <absl/base/thread_annotations.h>
 #include <absl/status/statusor.h>
-#include <absl/synchronization/mutex.h>
 
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -99,30 +98,30 @@ class Hub : public SessionObserver {
     std::int64_t due_ns = 0;
   };
 
-  void DeliverFeedback(const SessionFrame& frame, int tool) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void DeliverFeedback(const SessionFrame& frame, int tool);
   void DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* viewer,
-                    std::map<v1::PositionEncoding, SharedBytes>* encoded)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  bool IsDue(const Viewer& viewer, std::int64_t now_ns) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+                    std::map<v1::PositionEncoding, SharedBytes>* encoded);
+  bool IsDue(const Viewer& viewer, std::int64_t now_ns) const;
   void CountLost(Viewer* viewer, std::int64_t now_ns) const;
   SharedBytes Serialise(const v1::WatchResponse& response) const;
-  void EndAll(const absl::Status& why) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void EndAll(const absl::Status& why);
   template <typename Response>
   void Stamp(const SessionFrame& frame, Response* response) const;
 
   const std::string session_id_;
   const Model& model_;
 
-  mutable absl::Mutex mutex_;
-  std::vector<Operator> operators_ ABSL_GUARDED_BY(mutex_);  // [#tools]
-  std::map<ViewerSink*, Viewer> viewers_ ABSL_GUARDED_BY(mutex_);
-  std::uint64_t next_operator_id_ ABSL_GUARDED_BY(mutex_) = 1;
-  std::uint64_t frame_number_ ABSL_GUARDED_BY(mutex_) = 0;
-  bool draining_ ABSL_GUARDED_BY(mutex_) = false;
-  absl::Status refusal_ ABSL_GUARDED_BY(mutex_);  // why nobody may join, or OK
+  // Guards the rest. A standard mutex: thread sanitizers do not see through Abseil's as packaged.
+  mutable std::mutex mutex_;
+  std::vector<Operator> operators_;  // [#tools]
+  std::map<ViewerSink*, Viewer> viewers_;
+  std::uint64_t next_operator_id_ = 1;
+  std::uint64_t frame_number_ = 0;
+  bool draining_ = false;
+  absl::Status refusal_;  // why nobody may join, or OK
   // Filled again and again, so that a frame allocates little.
-  v1::InteractResponse feedback_ ABSL_GUARDED_BY(mutex_);
-  v1::WatchResponse frame_ ABSL_GUARDED_BY(mutex_);
+  v1::InteractResponse feedback_;
+  v1::WatchResponse frame_;
 };
 
 }  // namespace adhesim

@@ -8,21 +8,21 @@ std::string PeerHost(const std::string& peer) {
 }
 
 PeerCounter::Share PeerCounter::Take(const std::string& host, std::uint32_t limit) {
-  absl::MutexLock lock(&counts_->mutex);
+  const std::lock_guard lock(counts_->mutex);
   std::uint32_t& count = counts_->by_host[host];
   if (count >= limit) return nullptr;
   ++count;
   ++counts_->total;
   // The pointer itself means nothing; its deleter gives the share back.
   return Share(counts_.get(), [counts = counts_, host](void*) {
-    absl::MutexLock lock(&counts->mutex);
+    const std::lock_guard lock(counts->mutex);
     --counts->total;
     if (--counts->by_host[host] == 0) counts->by_host.erase(host);
   });
 }
 
 std::uint32_t PeerCounter::total() const {
-  absl::MutexLock lock(&counts_->mutex);
+  const std::lock_guard lock(counts_->mutex);
   return counts_->total;
 }
 

@@ -1,11 +1,9 @@
 #pragma once
 
-#include <absl/base/thread_annotations.h>
-#include <absl/synchronization/mutex.h>
-
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 
 namespace adhesim {
@@ -35,9 +33,9 @@ class PeerCounter {
  private:
   // Outlives the counter when shares do.
   struct Counts {
-    mutable absl::Mutex mutex;
-    std::map<std::string, std::uint32_t> by_host ABSL_GUARDED_BY(mutex);
-    std::uint32_t total ABSL_GUARDED_BY(mutex) = 0;
+    mutable std::mutex mutex;  // guards the rest
+    std::map<std::string, std::uint32_t> by_host;
+    std::uint32_t total = 0;
   };
   std::shared_ptr<Counts> counts_ = std::make_shared<Counts>();
 };

@@ -65,12 +65,12 @@ Session::Session(std::unique_ptr<Engine> engine, const Options& options, Session
 Session::~Session() { Stop(Error(Reason::kSessionDeleted, "the session was deleted")); }
 
 Session::Snapshot Session::snapshot() const {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   return snapshot_;
 }
 
 absl::Status Session::Submit(CommandKind kind, std::uint32_t steps, CommandDone done) {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   if (stopped_) return Error(Reason::kSessionDeleted, "the session was deleted");
   if (snapshot_.state == v1::SESSION_STATE_FROZEN && kind != CommandKind::kReset) {
     return Error(Reason::kSessionFrozen,
@@ -104,7 +104,7 @@ bool Session::PostPose(int tool, const OperatorPose& pose) {
 
 void Session::Stop(const absl::Status& why) {
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     if (stopped_) return;
     stopped_ = true;
     why_ = why;
@@ -281,7 +281,7 @@ void Session::ObserveLoop() {
   absl::Status why;
   std::uint64_t submitted;
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     why = why_;
     submitted = commands_submitted_;
   }
@@ -292,7 +292,7 @@ void Session::ObserveLoop() {
 void Session::Observe(bool fresh) {
   const SessionFrame& frame = frames_.front();
   if (fresh) {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     snapshot_ = {frame.state, frame.frame.step, frame.frame.time_s, frame.timing};
   }
   observer_->OnFrame(frame, fresh);
@@ -303,7 +303,7 @@ void Session::FinishCommands(std::uint64_t up_to, const absl::Status& status) {
   while (true) {
     CommandDone done;
     {
-      absl::MutexLock lock(&mutex_);
+      const std::lock_guard lock(mutex_);
       if (pending_.empty() || pending_.front().number > up_to) return;
       done = std::move(pending_.front().done);
       pending_.pop_front();

@@ -1,14 +1,13 @@
 #pragma once
 
-#include <absl/base/thread_annotations.h>
 #include <absl/status/status.h>
-#include <absl/synchronization/mutex.h>
 
 #include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -165,13 +164,15 @@ class Session {
   std::atomic<bool> stop_{false};
   std::atomic<bool> observer_stop_{false};
 
-  mutable absl::Mutex mutex_;
-  Snapshot snapshot_ ABSL_GUARDED_BY(mutex_);
-  std::uint64_t commands_submitted_ ABSL_GUARDED_BY(mutex_) = 0;
-  bool paused_when_done_ ABSL_GUARDED_BY(mutex_);  // once every submitted command is carried out
-  bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
-  std::deque<PendingCommand> pending_ ABSL_GUARDED_BY(mutex_);
-  absl::Status why_ ABSL_GUARDED_BY(mutex_);
+  // Guards the rest (but the threads). A standard mutex: thread sanitizers cannot see into the
+  // packaged Abseil's.
+  mutable std::mutex mutex_;
+  Snapshot snapshot_;
+  std::uint64_t commands_submitted_ = 0;
+  bool paused_when_done_;  // once every submitted command is carried out
+  bool stopped_ = false;
+  std::deque<PendingCommand> pending_;
+  absl::Status why_;
 
   std::thread step_thread_;
   std::thread observer_thread_;

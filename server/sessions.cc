@@ -186,7 +186,7 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Create(
   live->seed = (*engine)->model().seed;
   std::uint64_t number;
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     number = next_number_++;
   }
   live->id = absl::StrCat("s", number, "-", id_prefix_);
@@ -201,7 +201,7 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Create(
                  absl::StrCat("the system refuses another session: ", error.what()));
   }
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     // Checked again: StopAll() must find every session there is.
     if (!draining()) {
       by_number_[number] = live;
@@ -213,7 +213,7 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Create(
 }
 
 absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Find(const std::string& id) const {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   const auto number = numbers_.find(id);
   if (number == numbers_.end()) {
     return Error(Reason::kSessionNotFound, absl::StrCat("no session \"", id, "\""));
@@ -222,7 +222,7 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Find(const std::string& i
 }
 
 std::vector<std::shared_ptr<LiveSession>> Sessions::List() const {
-  absl::MutexLock lock(&mutex_);
+  const std::lock_guard lock(mutex_);
   std::vector<std::shared_ptr<LiveSession>> all;
   for (const auto& [number, live] : by_number_) all.push_back(live);
   return all;
@@ -231,7 +231,7 @@ std::vector<std::shared_ptr<LiveSession>> Sessions::List() const {
 absl::Status Sessions::Delete(const std::string& id) {
   std::shared_ptr<LiveSession> live;
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     const auto number = numbers_.find(id);
     if (number == numbers_.end()) {
       return Error(Reason::kSessionNotFound, absl::StrCat("no session \"", id, "\""));
@@ -255,7 +255,7 @@ void Sessions::StopAll(const absl::Status& why) {
   draining_.store(true);
   std::map<std::uint64_t, std::shared_ptr<LiveSession>> all;
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     all.swap(by_number_);
     numbers_.clear();
   }

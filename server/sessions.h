@@ -1,13 +1,12 @@
 #pragma once
 
-#include <absl/base/thread_annotations.h>
 #include <absl/status/statusor.h>
-#include <absl/synchronization/mutex.h>
 
 #include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -70,10 +69,11 @@ class Sessions {
   std::atomic<bool> draining_{false};
   PeerCounter per_peer_;
 
-  mutable absl::Mutex mutex_;
-  std::uint64_t next_number_ ABSL_GUARDED_BY(mutex_) = 1;
-  std::map<std::uint64_t, std::shared_ptr<LiveSession>> by_number_ ABSL_GUARDED_BY(mutex_);
-  std::map<std::string, std::uint64_t> numbers_ ABSL_GUARDED_BY(mutex_);
+  // Guards the rest. A standard mutex: thread sanitizers do not see through Abseil's as packaged.
+  mutable std::mutex mutex_;
+  std::uint64_t next_number_ = 1;
+  std::map<std::uint64_t, std::shared_ptr<LiveSession>> by_number_;
+  std::map<std::string, std::uint64_t> numbers_;
 };
 
 // How many particles a scene makes, as far as the message tells: known before anything is
