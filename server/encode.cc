@@ -83,6 +83,7 @@ void EncodeTool(const ToolFrame& tool, std::uint64_t target_jumps, v1::ToolState
   EncodeWrench(tool.tissue, message->mutable_tissue());
   EncodeWrench(tool.coupling, message->mutable_coupling());
   message->set_colliding_particles(tool.colliding_particles);
+  message->set_contact_area_m2(tool.contact_area_m2);
   message->set_speed_limited(tool.flags & kToolSpeedLimited);
   message->set_force_limited(tool.flags & kToolForceLimited);
   message->set_obstructed(tool.flags & kToolObstructed);

@@ -44,6 +44,7 @@ struct Felt {
   std::uint64_t feedbacks = 0;
   std::vector<float> round_trip_ms;  // from when a pose was due to the first feedback that used it
   double peak_push_n = 0;            // along the shaft, against the tip
+  double push_area_m2 = 0;           // area of contact at that instant
   double peak_pull_n = 0;            // the other way
   double peak_force_n = 0;
   std::uint32_t most_particles = 0;
@@ -65,7 +66,7 @@ double AlongShaft(const v1::ToolState& tool) {
 constexpr char kForcesHeader[] =
     "t_s,step,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,x_m,y_m,z_m,colliding_particles,qw,qx,qy,qz,"
     "target_x_m,target_y_m,target_z_m,coupling_fx_n,coupling_fy_n,coupling_fz_n,sequence,operator_"
-    "lost,retracted\n";
+    "lost,retracted,contact_area_m2\n";
 
 void WriteForces(const v1::InteractResponse& response, std::ofstream* out) {
   const v1::ToolState& tool = response.feedback().tool();
@@ -77,13 +78,13 @@ void WriteForces(const v1::InteractResponse& response, std::ofstream* out) {
   std::snprintf(line.data(), line.size(),
                 "%.6f,%llu,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%u,%.9g,%.9g,%.9g,%.9g,%."
                 "9g,%.9g,%.9g,%.9g,"
-                "%.9g,%.9g,%llu,%d,%d\n",
+                "%.9g,%.9g,%llu,%d,%d,%.9g\n",
                 response.time_s(), static_cast<unsigned long long>(response.step()), f.fx_n(),
                 f.fy_n(), f.fz_n(), f.tx_nm(), f.ty_nm(), f.tz_nm(), p.x_m(), p.y_m(), p.z_m(),
                 tool.colliding_particles(), p.qw(), p.qx(), p.qy(), p.qz(), t.x_m(), t.y_m(),
                 t.z_m(), c.fx_n(), c.fy_n(), c.fz_n(),
                 static_cast<unsigned long long>(response.feedback().sequence()),
-                tool.operator_lost(), tool.retracted());
+                tool.operator_lost(), tool.retracted(), tool.contact_area_m2());
   *out << line.data();
 }
 
@@ -144,7 +145,10 @@ class Reader {
       }
       const double along_n = AlongShaft(feedback.tool());
       const v1::Wrench& f = feedback.tool().tissue();
-      felt_.peak_push_n = std::max(felt_.peak_push_n, along_n);
+      if (along_n > felt_.peak_push_n) {
+        felt_.peak_push_n = along_n;
+        felt_.push_area_m2 = feedback.tool().contact_area_m2();
+      }
       felt_.peak_pull_n = std::max(felt_.peak_pull_n, -along_n);
       felt_.peak_force_n = std::max(felt_.peak_force_n, std::hypot(f.fx_n(), f.fy_n(), f.fz_n()));
       felt_.most_particles = std::max(felt_.most_particles, feedback.tool().colliding_particles());
@@ -244,6 +248,7 @@ Json Summary(const OperateOptions& options, const v1::Session& session, const Fe
   json["skipped_steps"] =
       last.timing().skipped_steps() - felt.first.feedback().timing().skipped_steps();
   json["peak_push_n"] = felt.peak_push_n;
+  json["peak_push_contact_area_m2"] = felt.push_area_m2;
   json["peak_pull_n"] = felt.peak_pull_n;
   json["peak_force_n"] = felt.peak_force_n;
   json["final_force_n"] = {f.fx_n(), f.fy_n(), f.fz_n()};

@@ -278,10 +278,18 @@ void Pipeline::WriteFrame(Frame* frame) const {
     frame->zone_of[p] = zone >= 0 ? state_.contacts.zones[zone].id : -1;
   }
   frame->zones.clear();
-  for (ToolFrame& tool : frame->tools) tool.colliding_particles = 0;
+  for (ToolFrame& tool : frame->tools) {
+    tool.colliding_particles = 0;
+    tool.contact_area_m2 = 0;
+  }
   for (const Zone& zone : state_.contacts.zones) {
     frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
-    if (zone.tool >= 0) frame->tools[zone.tool].colliding_particles += zone.count;
+    if (zone.tool < 0) continue;
+    ToolFrame& tool = frame->tools[zone.tool];
+    tool.colliding_particles += zone.count;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      tool.contact_area_m2 += model_->area_m2[state_.contacts.zone_members[k]];
+    }
   }
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
