@@ -84,7 +84,7 @@ TEST(BoundedQueue, KeepsOrderAndRefusesWhenFull) {
 }
 
 TEST(BoundedQueue, LosesNothingBetweenThreads) {
-  constexpr int kValues = 100'000;
+  constexpr int kValues = 10'000;
   BoundedQueue<int, 8> queue;
   std::thread writer([&] {
     for (int i = 0; i < kValues; ++i) {
