@@ -14,7 +14,8 @@ enum ExitCode {
   kExitInterrupted = 130,
 };
 
-// Each adds one subcommand (with its options and help) to `app`; running it stores an ExitCode in `*exit_code`.
+// Each adds one subcommand (with its options and help) to `app`; running it stores an ExitCode in
+// `*exit_code`.
 void AddRunCommand(CLI::App& app, int* exit_code);
 void AddSceneCommand(CLI::App& app, int* exit_code);
 void AddMeshCommand(CLI::App& app, int* exit_code);

@@ -20,19 +20,6 @@ Json ToJson(const CountStatistics& count) {
 
 Json ToJson(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-// The instruction set that the program was compiled for; one for all machines of an architecture.
-const char* Simd() {
-#if defined(__AVX2__)
-  return "avx2";
-#elif defined(__SSE2__)
-  return "sse2";
-#elif defined(__ARM_NEON)
-  return "neon";
-#else
-  return "none";
-#endif
-}
-
 Json EnergyJson(const Engine& engine) {
   const Ledger& ledger = engine.state().ledger;
   return {{"initial_j", ledger.initial_j},
@@ -133,7 +120,7 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"dt_s", model.dt_s},
                  {"substeps", engine.substeps()},
                  {"threads", threads},
-                 {"simd", Simd()},
+                 {"simd", SimdTarget()},
                  {"bodies", model.bodies.size()},
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},

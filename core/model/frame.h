@@ -16,7 +16,7 @@ struct ToolFrame {
   Wrench coupling;  // force and torque of the virtual coupling on the tool, about the tip
   std::int32_t colliding_particles = 0;
   double contact_area_m2 = 0;  // area at rest of the particles that move with it
-  std::uint32_t flags = 0;  // ToolFlag bits
+  std::uint32_t flags = 0;     // ToolFlag bits
 };
 
 enum ToolFlag : std::uint32_t {

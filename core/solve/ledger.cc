@@ -26,6 +26,17 @@ void UpdateScales(const Model& model, State* state) {
   state->momentum.scale_angular = std::max(state->momentum.scale_angular, angular);
 }
 
+// Linear and angular (about the world's origin) momentum from outside.
+struct Impulses {
+  Vec3 linear = Vec3::Zero();
+  Vec3 angular = Vec3::Zero();
+};
+
+void AddImpulses(const Impulses& got, State* state) {
+  state->momentum.impulse_linear += got.linear;
+  state->momentum.impulse_angular += got.angular;
+}
+
 // Impulse and moment (about a point) that a zone's members got beyond the forces on them.
 struct Held {
   Vec3 impulse = Vec3::Zero();
@@ -72,13 +83,14 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
                  std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
   const std::span<const Vec3> after = solver.kicked_velocity_m_s();
+  Impulses sum;
   double twice_loss = 0;
   for (int p = 0; p < model.particle_count(); ++p) {
     twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
     if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
       const Vec3 impulse = -solver.ConstraintImpulse(p);
-      state->momentum.impulse_linear += impulse;
-      state->momentum.impulse_angular += state->position_m[p].cross(impulse);
+      sum.linear += impulse;
+      sum.angular += state->position_m[p].cross(impulse);
     }
   }
   double tool_work = 0;
@@ -94,8 +106,8 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
       got.impulse += impulse;
       got.moment += (state->position_m[p] - group.pivot_m).cross(impulse);
     }
-    state->momentum.impulse_linear += got.impulse;
-    state->momentum.impulse_angular += group.pivot_m.cross(got.impulse) + got.moment;
+    sum.linear += got.impulse;
+    sum.angular += group.pivot_m.cross(got.impulse) + got.moment;
     if (group.driven()) {
       tool_impulse[zone.tool].force_n -= got.impulse;
       tool_impulse[zone.tool].torque_nm -= got.moment;
@@ -103,6 +115,7 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
           got.impulse.dot(group.twist.linear_m_s) + got.moment.dot(group.twist.angular_rad_s);
     }
   }
+  AddImpulses(sum, state);
   ledger.captured_j += 0.5 * twice_loss;
   ledger.tool_work_j += tool_work;
   ledger.abs_tool_j += std::abs(tool_work);
@@ -116,7 +129,8 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
               const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s,
               State* state, std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
-  MomentumLedger& momentum = state->momentum;
+  // Of this sub-step alone: a particle's share would drown in the sums since the start.
+  Impulses got;
   const std::span<const Vec3> x = state->position_m, v = state->velocity_m_s;
   const std::span<const Vec3> kicked = solver.kicked_velocity_m_s();
   const std::span<const Vec3> moved_x = solver.moved_position_m(),
@@ -132,8 +146,8 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     work[kind] = 0.5 * dt_s * twice;
     if ((1u << kind) & (kField | kDrag)) {
       for (int p = 0; p < count; ++p) {
-        momentum.impulse_linear += dt_s * forces[kind][p];
-        momentum.impulse_angular += x[p].cross(Vec3(dt_s * forces[kind][p]));
+        got.linear += dt_s * forces[kind][p];
+        got.angular += x[p].cross(Vec3(dt_s * forces[kind][p]));
       }
     }
   }
@@ -150,8 +164,8 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     volume += 0.5 * constraint.dot(v[p] + kicked[p]);
     if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
       const Vec3 impulse = -dt_s * total_force_n[p] - constraint;
-      momentum.impulse_linear += impulse;
-      momentum.impulse_angular += x[p].cross(impulse);
+      got.linear += impulse;
+      got.angular += x[p].cross(impulse);
     }
   }
   ledger.volume_j += volume;
@@ -178,9 +192,8 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
       kick.moment += (x[p] - group.pivot_m).cross(kicked_by);
       turn.impulse += turned_by;
       turn.moment += (moved_x[p] - group.moved_pivot_m).cross(turned_by);
-      momentum.impulse_linear += kicked_by + turned_by;
-      momentum.impulse_angular +=
-          m * moved_x[p].cross(moved_v[p]) - m * x[p].cross(v[p]) - x[p].cross(applied);
+      got.linear += kicked_by + turned_by;
+      got.angular += m * moved_x[p].cross(moved_v[p]) - m * x[p].cross(v[p]) - x[p].cross(applied);
     }
     if (!group.driven()) continue;
     const Twist& before = state->tools[zone.tool].twist;
@@ -191,6 +204,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     tool_impulse[zone.tool].force_n -= kick.impulse + turn.impulse;
     tool_impulse[zone.tool].torque_nm -= kick.moment + turn.moment;
   }
+  AddImpulses(got, state);
   ledger.tool_work_j += tool_work;
   ledger.abs_tool_j += std::abs(tool_work);
   ledger.rotation_j += rotation;

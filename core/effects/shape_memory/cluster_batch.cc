@@ -2,21 +2,17 @@
 
 #include <cstring>
 
+#include "core/model/simd.h"
+
 namespace adhesim {
 namespace {
 
-// GCC's vectors: eight doubles, whatever the machine's registers.
+// GCC's vectors: one number a lane, whatever the machine's registers.
 // They never cross a call (everything below is inlined), so that their ABI does not matter.
 #pragma GCC diagnostic ignored "-Wpsabi"
 typedef double V __attribute__((vector_size(sizeof(Lanes))));
 typedef std::int64_t Mask __attribute__((vector_size(sizeof(Lanes))));
 
-// The sanitizers' run-time is not ready when ifuncs are resolved.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__x86_64__)
-#define ADHESIM_DISPATCH
-#else
-#define ADHESIM_DISPATCH __attribute__((target_clones("avx2", "default")))
-#endif
 #define ADHESIM_INLINE __attribute__((always_inline)) inline
 
 ADHESIM_INLINE V Load(const Lanes& lanes) {
@@ -40,6 +36,7 @@ ADHESIM_INLINE void Store3(const V3& v, Lanes3* lanes) {
   Store(v.z, &lanes->z);
 }
 ADHESIM_INLINE void Gather(std::span<const Vec3> from, const std::int32_t* index, V3* v) {
+  *v = {V{}, V{}, V{}};
   for (int l = 0; l < kLanes; ++l) {
     const Vec3& p = from[index[l]];
     v->x[l] = p.x();

@@ -8,10 +8,11 @@
 
 namespace adhesim {
 
-// Clusters side by side, one a SIMD lane: eight run through the same arithmetic at once. There are
+// Clusters side by side, one a SIMD lane: four run through the same arithmetic at once (eight
+// spill AVX2's registers and are three times slower). There are
 // no sums across lanes and no fused multiply-adds, so that every instruction set gives the same
 // bits; which one runs is chosen at start.
-inline constexpr int kLanes = 8;
+inline constexpr int kLanes = 4;
 
 // One number a lane.
 struct alignas(sizeof(double) * kLanes) Lanes {
@@ -21,7 +22,7 @@ struct Lanes3 {
   Lanes x, y, z;
 };
 
-// Eight clusters of about the same size. Lanes without a cluster repeat the first with weight zero,
+// Clusters of about the same size. Lanes without a cluster repeat the first with weight zero,
 // and so do the missing members of the smaller clusters.
 struct ClusterBatch {
   int members = 0;      // of the largest
