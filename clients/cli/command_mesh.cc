@@ -7,7 +7,7 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
 #include "core/scene/mesh/check_mesh.h"
-#include "core/scene/mesh/read_mesh.h"
+#include "core/scene/mesh/read_surface.h"
 
 namespace adhesim {
 namespace {
@@ -69,7 +69,7 @@ std::string ToText(const std::string& file, const MeshCheck& check) {
 }
 
 int Info(const std::string& file, bool json) {
-  const absl::StatusOr<TriangleMesh> mesh = ReadMesh(file);
+  const absl::StatusOr<TriangleMesh> mesh = ReadAnySurface(file);
   if (!mesh.ok()) {
     std::cerr << "error: " << mesh.status().message() << "\n";
     return kExitBadInput;
@@ -96,7 +96,7 @@ void AddMeshCommand(CLI::App& app, int* exit_code) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* info = command->add_subcommand(
       "info", "Prints what a mesh is: counts, closed, manifold, oriented, volume");
-  info->add_option("FILE", arguments->file, "OBJ, STL, PLY or OFF file")->required();
+  info->add_option("FILE", arguments->file, "OBJ, STL, PLY or OFF file, or a label map (INR, NRRD)")->required();
   info->add_flag("--json", arguments->json, "Prints one JSON object");
   info->callback([=] { *exit_code = Info(arguments->file, arguments->json); });
 }

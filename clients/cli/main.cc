@@ -37,9 +37,7 @@ int Main(int argc, char** argv) {
   int exit_code = kExitOk;
   AddRunCommand(app, &exit_code);
   AddSceneCommand(app, &exit_code);
-#ifdef ADHESIM_HAS_MESH
   AddMeshCommand(app, &exit_code);
-#endif
 #ifdef ADHESIM_HAS_SERVE
   AddServeCommand(app, &exit_code);
   AddOperateCommand(app, &exit_code);

@@ -59,8 +59,8 @@ std::string FallingScene() {
 }
 
 TEST(Cli, HelpsEverywhere) {
-  for (const char* command :
-       {"", "run", "scene", "scene check", "scene show", "scene schema", "scene explain"}) {
+  for (const char* command : {"", "run", "scene", "scene check", "scene show", "scene schema",
+                              "scene explain", "mesh", "mesh info"}) {
     const Outcome outcome = Adhesim(std::string(command) + " --help");
     EXPECT_EQ(outcome.exit_code, 0) << command;
     EXPECT_THAT(outcome.out, HasSubstr("Usage: ")) << command;
@@ -120,6 +120,19 @@ TEST(Cli, ShowsASceneThatReadsBackTheSame) {
   EXPECT_THAT(shown.out, HasSubstr("rate_hz: 1000\n"));
   const Outcome again = Adhesim("scene show " + Scene(shown.out));
   EXPECT_EQ(again.out, shown.out);
+}
+
+TEST(Cli, SaysWhatAMeshIs) {
+  const std::string path = TempFile("tetrahedron.obj");
+  std::ofstream(path) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  const Outcome outcome = Adhesim("mesh info " + path + " --json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Json json = Json::parse(outcome.out);
+  EXPECT_EQ(json["vertices"], 4);
+  EXPECT_EQ(json["closed"], true);
+  EXPECT_NEAR(json["volume"].get<double>(), 1.0 / 6, 1e-15);  // a few roundings of numbers near 1
+  EXPECT_THAT(Adhesim("mesh info " + path).out, HasSubstr("closed, manifold, oriented"));
+  EXPECT_EQ(Adhesim("mesh info no_such_mesh.obj").exit_code, 2);
 }
 
 TEST(Cli, PrintsTheSchema) {
