@@ -5,6 +5,7 @@
 
 #include <numeric>
 
+#include "core/model/simd.h"
 #include "core/scene/field_options.h"
 
 namespace adhesim {

@@ -13,6 +13,8 @@ namespace {
 struct Sample {
   const char* name;
   const char* message;  // YAML of the effect
+
+  friend void PrintTo(const Sample& sample, std::ostream* out) { *out << sample.message; }
 };
 constexpr Sample kSamples[] = {
     {"shape_memory", "shape_memory: {stiffness_n_m: 50, damping_n_s_m: 0.3}"},

@@ -36,13 +36,11 @@ ADHESIM_INLINE void Store3(const V3& v, Lanes3* lanes) {
   Store(v.z, &lanes->z);
 }
 ADHESIM_INLINE void Gather(std::span<const Vec3> from, const std::int32_t* index, V3* v) {
-  *v = {V{}, V{}, V{}};
-  for (int l = 0; l < kLanes; ++l) {
-    const Vec3& p = from[index[l]];
-    v->x[l] = p.x();
-    v->y[l] = p.y();
-    v->z[l] = p.z();
-  }
+  static_assert(kLanes == 4);
+  const Vec3 &a = from[index[0]], &b = from[index[1]], &c = from[index[2]], &d = from[index[3]];
+  v->x = V{a.x(), b.x(), c.x(), d.x()};
+  v->y = V{a.y(), b.y(), c.y(), d.y()};
+  v->z = V{a.z(), b.z(), c.z(), d.z()};
 }
 
 struct V33 {
