@@ -96,7 +96,8 @@ void AddMeshCommand(CLI::App& app, int* exit_code) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* info = command->add_subcommand(
       "info", "Prints what a mesh is: counts, closed, manifold, oriented, volume");
-  info->add_option("FILE", arguments->file, "OBJ, STL, PLY or OFF file, or a label map (INR, NRRD)")->required();
+  info->add_option("FILE", arguments->file, "OBJ, STL, PLY or OFF file, or a label map (INR, NRRD)")
+      ->required();
   info->add_flag("--json", arguments->json, "Prints one JSON object");
   info->callback([=] { *exit_code = Info(arguments->file, arguments->json); });
 }

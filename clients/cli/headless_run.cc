@@ -50,8 +50,10 @@ void Observe(const Engine& engine, const Frame& frame, bool sample, RunStatistic
     worst.max_depth_m = std::max(worst.max_depth_m, now.max_depth_m);
     worst.vertices_inside = std::max(worst.vertices_inside, now.vertices_inside);
   }
-  statistics->momentum_error.linear = std::max(statistics->momentum_error.linear, error.linear);
-  statistics->momentum_error.angular = std::max(statistics->momentum_error.angular, error.angular);
+  const MomentumLedger& scale = engine.state().momentum;
+  MomentumError& worst = statistics->momentum_imbalance;
+  worst.linear = std::max(worst.linear, error.linear * scale.scale_linear);
+  worst.angular = std::max(worst.angular, error.angular * scale.scale_angular);
 }
 
 }  // namespace

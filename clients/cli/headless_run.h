@@ -31,8 +31,10 @@ struct RunStatistics {
   CountStatistics colliding_particles, zones;
   std::optional<double> volume_error_max;
   std::optional<Penetration> penetration;  // largest at the sampled instants
-  MomentumError momentum_error;            // largest at the sampled instants
-  std::vector<double> peak_force_n;        // [#tools]
+  // Largest at the sampled instants, times the scale then: kg m/s and kg m^2/s. At rest both are
+  // round-off.
+  MomentumError momentum_imbalance;
+  std::vector<double> peak_force_n;  // [#tools]
 };
 
 struct RunOptions {

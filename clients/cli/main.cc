@@ -38,11 +38,9 @@ int Main(int argc, char** argv) {
   AddRunCommand(app, &exit_code);
   AddSceneCommand(app, &exit_code);
   AddMeshCommand(app, &exit_code);
-#ifdef ADHESIM_HAS_SERVE
   AddServeCommand(app, &exit_code);
   AddOperateCommand(app, &exit_code);
   AddWatchCommand(app, &exit_code);
-#endif
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -138,8 +138,11 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
   }
   if (statistics.volume_error_max) report["volume_error_max"] = *statistics.volume_error_max;
   report["energy"] = EnergyJson(engine);
-  report["momentum_error"] = {{"linear", statistics.momentum_error.linear},
-                              {"angular", statistics.momentum_error.angular}};
+  const MomentumLedger& scale = engine.state().momentum;
+  const auto relative = [](double imbalance, double of) { return of > 0 ? imbalance / of : 0; };
+  report["momentum_error"] = {
+      {"linear", relative(statistics.momentum_imbalance.linear, scale.scale_linear)},
+      {"angular", relative(statistics.momentum_imbalance.angular, scale.scale_angular)}};
   if (!model.tools.empty()) report["tools"] = ToolsJson(engine, statistics);
   report["effects"] = EffectsJson(model.scene);
   report["state_hash"] = absl::StrFormat("%016x", engine.StateHash());

@@ -25,22 +25,19 @@ ADHESIM_INLINE void Store(const V& v, Lanes* lanes) { std::memcpy(lanes->v, &v, 
 struct V3 {
   V x, y, z;
 };
-ADHESIM_INLINE void Load3(const Lanes3& lanes, V3* v) {
-  v->x = Load(lanes.x);
-  v->y = Load(lanes.y);
-  v->z = Load(lanes.z);
+ADHESIM_INLINE V3 Load3(const Lanes3& lanes) {
+  return {Load(lanes.x), Load(lanes.y), Load(lanes.z)};
 }
 ADHESIM_INLINE void Store3(const V3& v, Lanes3* lanes) {
   Store(v.x, &lanes->x);
   Store(v.y, &lanes->y);
   Store(v.z, &lanes->z);
 }
-ADHESIM_INLINE void Gather(std::span<const Vec3> from, const std::int32_t* index, V3* v) {
+ADHESIM_INLINE V3 Gather(std::span<const Vec3> from, const std::int32_t* index) {
   static_assert(kLanes == 4);
   const Vec3 &a = from[index[0]], &b = from[index[1]], &c = from[index[2]], &d = from[index[3]];
-  v->x = V{a.x(), b.x(), c.x(), d.x()};
-  v->y = V{a.y(), b.y(), c.y(), d.y()};
-  v->z = V{a.z(), b.z(), c.z(), d.z()};
+  return {V{a.x(), b.x(), c.x(), d.x()}, V{a.y(), b.y(), c.y(), d.y()},
+          V{a.z(), b.z(), c.z(), d.z()}};
 }
 
 struct V33 {
@@ -143,15 +140,13 @@ ADHESIM_INLINE void DampingForces(const ClusterBatch& batch, std::span<const Clu
   V3 velocity{zero, zero, zero}, spin{zero, zero, zero};
   V xx = zero, yy = zero, zz = zero, xy = zero, xz = zero, yz = zero;
   for (int m = 0; m < batch.members; ++m) {
-    V3 v;
-    Gather(velocity_m_s, entries[m].particle, &v);
+    const V3 v = Gather(velocity_m_s, entries[m].particle);
     Store3(v, &out[m]);
     const V present = w * Load(entries[m].present);
     velocity.x += present * v.x;
     velocity.y += present * v.y;
     velocity.z += present * v.z;
-    V3 r;
-    Load3(offset[m], &r);
+    V3 r = Load3(offset[m]);
     r.x -= mean.x;
     r.y -= mean.y;
     r.z -= mean.z;
@@ -173,9 +168,8 @@ ADHESIM_INLINE void DampingForces(const ClusterBatch& batch, std::span<const Clu
   SolvePositive(yy + zz + floor, -xy, -xz, xx + zz + floor, -yz, xx + yy + floor, spin, zero,
                 &omega, &good);
   for (int m = 0; m < batch.members; ++m) {
-    V3 v, r;
-    Load3(out[m], &v);
-    Load3(offset[m], &r);
+    const V3 v = Load3(out[m]);
+    V3 r = Load3(offset[m]);
     r.x -= mean.x;
     r.y -= mean.y;
     r.z -= mean.z;
@@ -199,16 +193,14 @@ ADHESIM_DISPATCH unsigned EvaluateClusters(const ClusterBatch& batch,
   // Offsets from the cluster's own particle, so that no digits are lost far from the origin. Those
   // at rest sum to zero: A = sum (x_j - C) q_j^T needs no mean, and a common factor does not change
   // its rotation.
-  V3 origin;
-  Gather(position_m, entries[0].particle, &origin);
+  const V3 origin = Gather(position_m, entries[0].particle);
   V3 sum{zero, zero, zero};
   V33 a;
   for (auto& row : a.m) {
     for (V& v : row) v = zero;
   }
   for (int m = 0; m < batch.members; ++m) {
-    V3 r, q;
-    Gather(position_m, entries[m].particle, &r);
+    V3 r = Gather(position_m, entries[m].particle);
     r.x -= origin.x;
     r.y -= origin.y;
     r.z -= origin.z;
@@ -216,7 +208,7 @@ ADHESIM_DISPATCH unsigned EvaluateClusters(const ClusterBatch& batch,
     sum.x += r.x;
     sum.y += r.y;
     sum.z += r.z;
-    Load3(entries[m].rest_offset_m, &q);
+    const V3 q = Load3(entries[m].rest_offset_m);
     a.m[0][0] += r.x * q.x;
     a.m[0][1] += r.x * q.y;
     a.m[0][2] += r.x * q.z;
@@ -239,19 +231,23 @@ ADHESIM_DISPATCH unsigned EvaluateClusters(const ClusterBatch& batch,
   if (!out.damping_n.empty()) {
     DampingForces(batch, entries, velocity_m_s, damping_n_s_m, mean, out.elastic_n, out.damping_n);
   }
+  // The offsets at rest sum to zero but for round-off, which would push the cluster the same way in
+  // every step.
+  const V3 stray = Load3(batch.rest_mean_m);
+  const V3 centre{mean.x - (rot.m[0][0] * stray.x + rot.m[0][1] * stray.y + rot.m[0][2] * stray.z),
+                  mean.y - (rot.m[1][0] * stray.x + rot.m[1][1] * stray.y + rot.m[1][2] * stray.z),
+                  mean.z - (rot.m[2][0] * stray.x + rot.m[2][1] * stray.y + rot.m[2][2] * stray.z)};
   const V k = stiffness_n_m * w;
   V energy = zero;
   for (int m = 0; m < batch.members; ++m) {
-    V3 r, rest;
-    Load3(out.elastic_n[m], &r);
-    Load3(entries[m].rest_offset_m, &rest);
+    const V3 r = Load3(out.elastic_n[m]), rest = Load3(entries[m].rest_offset_m);
     const V present = Load(entries[m].present);
     const V ex =
-        r.x - mean.x - (rot.m[0][0] * rest.x + rot.m[0][1] * rest.y + rot.m[0][2] * rest.z);
+        r.x - centre.x - (rot.m[0][0] * rest.x + rot.m[0][1] * rest.y + rot.m[0][2] * rest.z);
     const V ey =
-        r.y - mean.y - (rot.m[1][0] * rest.x + rot.m[1][1] * rest.y + rot.m[1][2] * rest.z);
+        r.y - centre.y - (rot.m[1][0] * rest.x + rot.m[1][1] * rest.y + rot.m[1][2] * rest.z);
     const V ez =
-        r.z - mean.z - (rot.m[2][0] * rest.x + rot.m[2][1] * rest.y + rot.m[2][2] * rest.z);
+        r.z - centre.z - (rot.m[2][0] * rest.x + rot.m[2][1] * rest.y + rot.m[2][2] * rest.z);
     const V scale = -(k * present);
     Store3({scale * ex, scale * ey, scale * ez}, &out.elastic_n[m]);
     energy += present * (ex * ex + ey * ey + ez * ez);

@@ -27,6 +27,7 @@ struct Lanes3 {
 struct ClusterBatch {
   int members = 0;      // of the largest
   int first_entry = 0;  // into the arrays of entries
+  Lanes3 rest_mean_m;   // what is left of the sum of the offsets at rest, over #members: round-off
   Lanes inverse_count;  // 1 / #members, which is also the weight w_j
 };
 

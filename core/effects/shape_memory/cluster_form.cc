@@ -67,6 +67,7 @@ void ClusterForm::AddBatch(const Model& model, std::span<const int> particles) {
       mean += model.rest_position_m[member(m)] - model.rest_position_m[centre];
     mean = model.rest_position_m[centre] + mean / size;
     batch.inverse_count.v[lane] = 1.0 / size;
+    Vec3 left = Vec3::Zero();
     for (int m = 0; m < batch.members; ++m) {
       ClusterEntry& entry = entry_[batch.first_entry + m];
       entry.particle[lane] = m < size ? member(m) : centre;
@@ -75,7 +76,11 @@ void ClusterForm::AddBatch(const Model& model, std::span<const int> particles) {
       entry.rest_offset_m.x.v[lane] = offset.x();
       entry.rest_offset_m.y.v[lane] = offset.y();
       entry.rest_offset_m.z.v[lane] = offset.z();
+      left += offset;
     }
+    batch.rest_mean_m.x.v[lane] = left.x() / size;
+    batch.rest_mean_m.y.v[lane] = left.y() / size;
+    batch.rest_mean_m.z.v[lane] = left.z() / size;
   }
   batch_.push_back(batch);
 }
