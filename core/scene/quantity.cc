@@ -20,7 +20,7 @@ constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 // Longer suffixes first: "_n_m" before "_m".
 const std::vector<Dimension>& Dimensions() {
-  static const std::vector<Dimension> dimensions = {
+  static const std::vector<Dimension> kDimensions = {
       {"_nm_rad",
        "a torque per angle",
        {{"N m/rad", 0}, {"mN m/rad", -3}, {"N m/deg", 0, kDegreesPerRadian}}},
@@ -41,7 +41,7 @@ const std::vector<Dimension>& Dimensions() {
       {"_s", "a time", {{"s", 0}, {"ms", -3}, {"us", -6}, {"min", 0, 60}}},
       {"_n", "a force", {{"N", 0}, {"mN", -3}, {"kN", 3}}},
   };
-  return dimensions;
+  return kDimensions;
 }
 
 std::size_t DigitsAt(absl::string_view text, std::size_t at) {

@@ -11,7 +11,7 @@ namespace adhesim {
 namespace {
 
 // max_speed_m_s holds for every point of the tool this near to its tip.
-constexpr double kSpeedRadius_m = 0.1;
+constexpr double kSpeedRadius = 0.1;  // m
 
 Vec6 Stack(const Vec3& linear, const Vec3& angular) {
   Vec6 v;
@@ -52,9 +52,9 @@ bool Clip(double limit, Block&& v) {
   return true;
 }
 
-// Scales a velocity so that no point within kSpeedRadius_m of the tip is faster than the limit.
+// Scales a velocity so that no point within kSpeedRadius of the tip is faster than the limit.
 bool ClipSpeed(double limit, Vec6* velocity) {
-  const double speed = velocity->head<3>().norm() + kSpeedRadius_m * velocity->tail<3>().norm();
+  const double speed = velocity->head<3>().norm() + kSpeedRadius * velocity->tail<3>().norm();
   if (!(speed > limit)) return false;
   *velocity *= limit / speed;
   return true;

@@ -12,7 +12,7 @@
 namespace adhesim {
 namespace {
 
-constexpr double kLargestMargin_m = 1e-4;
+constexpr double kLargestMargin = 1e-4;
 constexpr double kMarginOfThickness = 0.01;
 
 bool IsFinite(const Pose& pose) {
@@ -111,7 +111,7 @@ class BulletToolSet final : public ToolSet {
       return 0;
     }
     const ToolBody& body = tools_[tool];
-    const double margin = std::min(kLargestMargin_m, kMarginOfThickness * body.half_thickness_m());
+    const double margin = std::min(kLargestMargin, kMarginOfThickness * body.half_thickness_m());
     Sweeper sweeper(body, Motion(from, to), margin);
     while (sweeper.BeginRound()) {
       for (const ObstacleBody& obstacle : obstacles_) {

@@ -101,7 +101,7 @@ class Collapser {
   // The middle of the edge, moved along the mean normal to the least sum of squared distances; at
   // most half an edge.
   Vec3 Placement(int a, int b) const {
-    const Vec3 middle = 0.5 * (mesh_.vertices[a] + mesh_.vertices[b]);
+    Vec3 middle = 0.5 * (mesh_.vertices[a] + mesh_.vertices[b]);
     Vec3 normal = Vec3::Zero();
     for (const int v : {a, b}) {
       for (const int t : at_[v]) {
