@@ -153,6 +153,8 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
     const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond,
                                      [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
+      // The contact point may have moved: what it held, it keeps.
+      for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
       *at = bond;
       ++captured;
     } else {

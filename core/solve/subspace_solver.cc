@@ -75,12 +75,7 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   KickAll(*state);
   BookCapture(model_, *this, state, tool_impulse);
   state->velocity_m_s = kicked_m_s_;
-  for (std::size_t z = 0; z < groups_.size(); ++z) {
-    Zone& zone = state->contacts.zones[z];
-    zone.centre_m = groups_[z].centre_m;
-    zone.momentum_kg_m_s = groups_[z].linear_momentum;
-    zone.angular_momentum_kg_m2_s = groups_[z].angular_momentum;
-  }
+  StoreMomenta(state);
 }
 
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
@@ -286,15 +281,30 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
 }
 
 void SubspaceSolver::Accept(State* state) {
-  for (std::size_t z = 0; z < groups_.size(); ++z) {
-    const RigidGroup& group = groups_[z];
-    Zone& zone = state->contacts.zones[z];
-    zone.centre_m = group.MovedPosition(group.centre_m);
-    zone.momentum_kg_m_s = group.linear_momentum;
-    zone.angular_momentum_kg_m2_s = group.angular_momentum;
-  }
   state->position_m = moved_m_;
   state->velocity_m_s = moved_velocity_m_s_;
+  StoreMomenta(state);
+}
+
+void SubspaceSolver::StoreMomenta(State* state) const {
+  for (Zone& zone : state->contacts.zones) {
+    const std::span<const std::int32_t> members =
+        std::span(state->contacts.zone_members).subspan(zone.first, zone.count);
+    double mass = 0;
+    zone.centre_m.setZero();
+    zone.momentum_kg_m_s.setZero();
+    zone.angular_momentum_kg_m2_s.setZero();
+    for (int p : members) {
+      mass += model_.mass_kg[p];
+      zone.centre_m += model_.mass_kg[p] * state->position_m[p];
+      zone.momentum_kg_m_s += model_.mass_kg[p] * state->velocity_m_s[p];
+    }
+    zone.centre_m /= mass;
+    for (int p : members) {
+      zone.angular_momentum_kg_m2_s +=
+          (state->position_m[p] - zone.centre_m).cross(model_.mass_kg[p] * state->velocity_m_s[p]);
+    }
+  }
 }
 
 }  // namespace adhesim

@@ -57,6 +57,7 @@ class SubspaceSolver {
     Vec3 force, moment;
   };
   void BuildGroups(const State& state, std::span<const Twist> tool_twist);
+  void StoreMomenta(State* state) const;
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
   void CollectRows(const State& state);
