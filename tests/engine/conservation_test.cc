@@ -3,13 +3,14 @@
 #include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/sample_scenes.h"
+#include "tests/support/test_size.h"
 
 namespace adhesim::test {
 namespace {
 
 TEST(Ledger, BalancesThroughCaptureMergeSplitAndRelease) {
   auto engine = EngineOf(kChurningCells);
-  const int steps = FullSize() ? 10000 : 3000;
+  const int steps = TestSize(3000, 10000);
   int captures = 0, releases = 0, merges = 0, splits = 0;
   std::size_t zones = 0;
   double captured = 0;
@@ -47,7 +48,7 @@ TEST(Ledger, BalancesThroughCaptureMergeSplitAndRelease) {
 
 TEST(Momentum, IsConservedWhileSpinningBodiesStickAndPart) {
   auto engine = EngineOf(kChurningCells);
-  StepMany(engine.get(), FullSize() ? 10000 : 3000);
+  StepMany(engine.get(), TestSize(3000, 10000));
   const MomentumError error = MomentumBalance(engine->model(), engine->state());
   EXPECT_LE(error.linear, 1e-10);
   EXPECT_LE(error.angular, 1e-10);
@@ -61,7 +62,7 @@ effects:
   - shape_memory: {stiffness_n_m: 30}
   - volume_preservation: {}
 )");
-  StepMany(engine.get(), FullSize() ? 10000 : 2000);
+  StepMany(engine.get(), TestSize(2000, 10000));
   const MomentumError error = MomentumBalance(engine->model(), engine->state());
   EXPECT_LE(error.linear, 1e-12);
   EXPECT_LE(error.angular, 1e-11);  // a position-only volume correction leaves 6.6e-4 here

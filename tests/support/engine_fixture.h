@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <memory>
 #include <string>
 
@@ -12,13 +11,6 @@
 #include "core/scene/validate.h"
 
 namespace adhesim::test {
-
-// True under `./dev test --all`: the sizes that the issues name, instead of those that fit the
-// gate.
-inline bool FullSize() {
-  const char* size = std::getenv("ADHESIM_TEST_SIZE");
-  return size != nullptr && std::string(size) == "full";
-}
 
 inline std::shared_ptr<const Model> ModelOf(const SceneFile& file) {
   EXPECT_TRUE(file.ok()) << file.Format(file.problems);
