@@ -5,6 +5,7 @@
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
 
+#include <algorithm>
 #include <chrono>
 #include <mutex>
 #include <thread>
@@ -73,6 +74,23 @@ struct Server::Parts {
   std::unique_ptr<grpc::Server> server;
 };
 
+// "host:port" with a port of 0 to 65535, or "unix:path". gRPC itself takes what it can and serves
+// elsewhere.
+absl::Status CheckListen(const std::string& listen) {
+  if (listen.starts_with("unix:")) return absl::OkStatus();
+  const std::size_t colon = listen.rfind(':');
+  const std::string port = colon == std::string::npos ? "" : listen.substr(colon + 1);
+  const bool digits =
+      !port.empty() && port.size() <= 5 &&
+      std::all_of(port.begin(), port.end(), [](char c) { return c >= '0' && c <= '9'; });
+  if (colon == 0 || !digits || std::stoi(port) > 65535) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--listen ", listen,
+                     ": not an address and a port (HOST:PORT, port 0 to 65535; 0 picks one)"));
+  }
+  return absl::OkStatus();
+}
+
 bool IsLoopback(const std::string& listen) {
   if (listen.starts_with("unix:")) return true;
   const std::string host = listen.substr(0, listen.rfind(':'));
@@ -86,6 +104,7 @@ Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 Server::~Server() { Shutdown(0); }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, SceneSource scenes) {
+  if (absl::Status status = CheckListen(options.listen); !status.ok()) return status;
   if (!IsLoopback(options.listen) && !options.insecure_listen) {
     return absl::InvalidArgumentError(absl::StrCat(
         options.listen,

@@ -20,6 +20,7 @@
 #include "clients/cli/commands.h"
 #include "clients/cli/service_client.h"
 #include "clients/cli/trajectory.h"
+#include "clients/cli/validators.h"
 
 namespace adhesim {
 namespace {
@@ -93,11 +94,12 @@ class Reader {
  public:
   Reader(InteractStream* stream, const std::string& forces) : stream_(stream) {
     if (forces.empty()) return;
+    writes_ = true;
     forces_.open(forces);
     forces_ << kForcesHeader;
   }
   // Whether the forces could be written so far.
-  bool ok() const { return !forces_.is_open() || forces_.good(); }
+  bool ok() const { return !writes_ || forces_.good(); }
 
   void Start() {
     thread_ = std::thread([this] { Loop(); });
@@ -159,6 +161,7 @@ class Reader {
 
   InteractStream* const stream_;
   std::ofstream forces_;
+  bool writes_ = false;
   std::mutex mutex_;
   Felt felt_;
   std::atomic<std::uint64_t> newest_sequence_{0};
@@ -378,7 +381,7 @@ void AddOperateCommand(CLI::App& app, int* exit_code) {
   command->add_option("--forces", options->forces,
                       "Write what was felt, a row for each step that was heard of");
   command->add_option("--rate", options->rate_hz, "Poses a second")
-      ->check(CLI::Range(0.1, 10'000.0))
+      ->check(Between(0.1, 10'000.0))
       ->capture_default_str();
   command->add_flag("--keep", options->keep, "Leave the session running at the end");
   command->add_flag("--json", options->json, "Summary as one JSON object");

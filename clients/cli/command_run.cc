@@ -14,6 +14,7 @@
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
 #include "clients/cli/run_report.h"
+#include "clients/cli/validators.h"
 
 namespace adhesim {
 namespace {
@@ -108,11 +109,11 @@ void AddRunCommand(CLI::App& app, int* exit_code) {
       command->add_option("--seconds", arguments->seconds, "Simulated time; without it 1 s");
   CLI::Option* steps =
       command->add_option("--steps", arguments->steps, "Number of steps, instead of --seconds");
-  seconds->check(CLI::Range(1e-6, 1e6))->excludes(steps);
+  seconds->check(Between(1e-6, 1e6))->excludes(steps);
   command
       ->add_option("--measure-from", arguments->measure_from_s,
                    "Figures start at this simulated time, in s")
-      ->check(CLI::Range(0.0, 1e6));
+      ->check(Between(0.0, 1e6));
   CLI::Option* rate = command->add_option("--rate", arguments->rate_hz,
                                           "Steps per simulated second, instead of the scene's");
   command

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "clients/cli/commands.h"
+#include "clients/cli/validators.h"
 #include "core/engine/engine.h"
 #include "core/scene/build_model.h"
 #include "core/scene/scene_file.h"
@@ -242,7 +243,7 @@ void AddServeCommand(CLI::App& app, int* exit_code) {
       "--insecure-listen", options->server.insecure_listen,
       "Permit an address that other machines can reach, without encryption or authentication");
   command->add_option("--grace", options->grace_s, "Seconds that streams have to end after SIGTERM")
-      ->check(CLI::Range(0.0, 3600.0))
+      ->check(Between(0.0, 3600.0))
       ->capture_default_str();
   command->add_option("--max-sessions", options->server.limits.sessions, "Sessions in all")
       ->check(CLI::Range(1, 10'000))

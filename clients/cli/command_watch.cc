@@ -10,6 +10,7 @@
 #include "adhesim/v1/view_service.grpc.pb.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/service_client.h"
+#include "clients/cli/validators.h"
 
 namespace adhesim {
 namespace {
@@ -200,9 +201,9 @@ void AddWatchCommand(CLI::App& app, int* exit_code) {
   command
       ->add_option("--seconds", options->seconds,
                    "Stop after this long (default: when interrupted)")
-      ->check(CLI::Range(0.1, 1e6));
+      ->check(Between(0.1, 1e6));
   command->add_option("--rate", options->rate_hz, "Frames a second at most")
-      ->check(CLI::Range(0.01, 1e5))
+      ->check(Between(0.01, 1e5))
       ->capture_default_str();
   command->add_option("--encoding", options->encoding, "Positions as float32 or q16")
       ->check(CLI::IsMember({"float32", "q16"}))

@@ -82,7 +82,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
 
     const double cpu_before_s = Now(cpu_clock);
     const double wall_before_s = Now(CLOCK_MONOTONIC);
-    engine->Step({});
+    statistics.report_bits |= engine->Step({}).bits;
     const double wall_after_s = Now(CLOCK_MONOTONIC);
     const double cpu_after_s = Now(cpu_clock);
     ++statistics.steps;

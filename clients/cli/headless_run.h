@@ -28,6 +28,7 @@ struct RunStatistics {
   std::vector<float> wall_ms, cpu_ms;  // of each step measured
   std::int64_t deadline_misses = 0;    // with real time only
   bool interrupted = false;
+  std::uint32_t report_bits = 0;  // StepBit of any step
   CountStatistics colliding_particles, zones;
   std::optional<double> volume_error_max;
   std::optional<Penetration> penetration;  // largest at the sampled instants

@@ -21,6 +21,23 @@ Json ToJson(const CountStatistics& count) {
 
 Json ToJson(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
+// What the engine met and could not do fully, in words.
+std::vector<std::string> ReportNames(std::uint32_t bits) {
+  static constexpr std::pair<StepBit, const char*> kNames[] = {
+      {kStepNonFinite, "non_finite"},
+      {kStepBondCapacity, "bond_capacity"},
+      {kStepReleasePasses, "releases_put_off"},
+      {kStepVolumeNotMet, "volume_not_met"},
+      {kStepSubstepLimit, "substep_limit"},
+      {kStepZoneSplitForced, "zone_split_forced"},
+      {kStepCandidateCapacity, "candidate_capacity"}};
+  std::vector<std::string> names;
+  for (const auto& [bit, name] : kNames) {
+    if (bits & bit) names.push_back(name);
+  }
+  return names;
+}
+
 Json EnergyJson(const Engine& engine) {
   const Ledger& ledger = engine.state().ledger;
   return {{"initial_j", ledger.initial_j},
@@ -140,6 +157,7 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
   report["energy"] = EnergyJson(engine);
   const MomentumLedger& scale = engine.state().momentum;
   const auto relative = [](double imbalance, double of) { return of > 0 ? imbalance / of : 0; };
+  report["report"] = ReportNames(statistics.report_bits);
   report["momentum_error"] = {
       {"linear", relative(statistics.momentum_imbalance.linear, scale.scale_linear)},
       {"angular", relative(statistics.momentum_imbalance.angular, scale.scale_angular)}};
@@ -175,6 +193,9 @@ std::string RunReportText(const Json& report) {
   absl::StrAppend(&text, "energy    ", Number(report["energy"]["initial_j"]), " J at the start, ",
                   Number(report["energy"]["final_j"]), " J at the end; identity error ",
                   Number(report["energy"]["identity_error"]), "\n");
+  for (const Json& name : report["report"]) {
+    absl::StrAppend(&text, "report    ", name.get<std::string>(), "\n");
+  }
   absl::StrAppend(&text, "momentum  error ", Number(report["momentum_error"]["linear"]),
                   " linear, ", Number(report["momentum_error"]["angular"]), " angular\n");
   if (report.contains("volume_error_max")) {

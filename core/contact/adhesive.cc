@@ -33,13 +33,13 @@ int ToolKey(int tool) { return -1 - tool; }
 
 }  // namespace
 
-Adhesive::Adhesive(const Model& model) : model_(model) {
+Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   if (model.adhesive) {
     capture_distance_m_ = model.adhesive->capture_distance_m;
     release_distance_m_ = model.adhesive->release_distance_m;
   }
   limit_.resize(model.rest_position_m.size());
-  load_n_.resize(model.rest_position_m.size());
+  bond_released_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   kept_.reserve(4 * model.rest_position_m.size() + 64);
 }
@@ -109,6 +109,7 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     bond.triangle = candidate.triangle;
     bond.side = candidate.side;
     bond.gap_sign = candidate.gap_m < 0 ? -1 : 1;
+    bond.gap_m = candidate.gap_m;
     for (int k = 0; k < 3; ++k) {
       bond.weights[k] = candidate.weights(k);
       bond.vertices[k] = candidate.weights(k) > kMinWeight ? tri[k] : -1;
@@ -117,6 +118,14 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
   }
   report->captures += captured;
   return captured;
+}
+
+bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
+  const int z = contacts.zone_of[particle];
+  if (model_.fixed[particle]) return true;
+  if (z < 0) return false;
+  const Zone& zone = contacts.zones[z];
+  return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
 }
 
 int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
@@ -136,13 +145,14 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
     bond.tool = pair.tool;
     bond.triangle = pair.triangle;
     bond.sticky = pair.sticky;
+    bond.gap_m = pair.gap_m;
     bond.tool_normal = state.tools[pair.tool].pose.orientation.conjugate() * pair.normal;
     bool adds = false;
     for (int k = 0; k < 3; ++k) {
       bond.weights[k] = pair.weights(k);
       const int v = model_.triangles[pair.triangle][k];
       const ReleasedPair* released = FindReleased(*contacts, v, ToolKey(pair.tool));
-      const bool eligible = pair.weights(k) > kMinWeight && !model_.fixed[v] &&
+      const bool eligible = pair.weights(k) > kMinWeight && !HeldAgainst(pair.tool, v, *contacts) &&
                             !(released && pair.gap_m >= released->gap_m);
       bond.vertices[k] = eligible ? v : -1;
       // A particle that the tool already holds needs no second bond.
@@ -179,27 +189,32 @@ Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
   return (b - a).cross(c - a).normalized() * bond.side;
 }
 
+void Adhesive::Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
+                         Limit* limit) const {
+  const AdhesiveParameters& adhesive = *model_.adhesive;
+  double normal_n, shear_n;
+  if (tool >= 0) {
+    const Strength strength = sticky ? model_.tools[tool].strength : Strength{0, 0};
+    normal_n = scale * strength.normal_pa * area_m2;
+    shear_n = scale * strength.shear_pa * area_m2;
+  } else if (adhesive.kappa) {
+    normal_n = shear_n = adhesive.kappa->kappa_adh_m * mass_kg /
+                         (adhesive.kappa->dt_ref_s * adhesive.kappa->dt_ref_s);
+  } else {
+    normal_n = adhesive.strength.normal_pa * area_m2;
+    shear_n = adhesive.strength.shear_pa * area_m2;
+  }
+  // What has several bonds is held by its strongest.
+  limit->normal_n = std::max(limit->normal_n, normal_n);
+  limit->shear_n = std::max(limit->shear_n, shear_n);
+}
+
 void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double scale) {
   Limit& limit = limit_[particle];
   if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, false};
   limit.normal_sum += normal;
-  double normal_n, shear_n;
-  const AdhesiveParameters& adhesive = *model_.adhesive;
-  if (bond.tool >= 0) {
-    const Strength strength = bond.sticky ? model_.tools[bond.tool].strength : Strength{0, 0};
-    normal_n = scale * strength.normal_pa * model_.area_m2[particle];
-    shear_n = scale * strength.shear_pa * model_.area_m2[particle];
-  } else if (adhesive.kappa) {
-    normal_n = adhesive.kappa->kappa_adh_m * model_.mass_kg[particle] /
-               (adhesive.kappa->dt_ref_s * adhesive.kappa->dt_ref_s);
-    shear_n = normal_n;
-  } else {
-    normal_n = adhesive.strength.normal_pa * model_.area_m2[particle];
-    shear_n = adhesive.strength.shear_pa * model_.area_m2[particle];
-  }
-  // A particle with several bonds is held by its strongest.
-  limit.normal_n = std::max(limit.normal_n, normal_n);
-  limit.shear_n = std::max(limit.shear_n, shear_n);
+  Strengths(bond.tool, bond.sticky, model_.area_m2[particle], model_.mass_kg[particle], scale,
+            &limit);
 }
 
 void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
@@ -219,28 +234,8 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
   }
 }
 
-// A rigid body's own particles carry its inner forces too, so that only the resultant is
-// meaningful: spread it over its colliding particles by area.
-void Adhesive::SpreadOverRigidBodies(std::span<const Vec3> load_n, const Contacts& contacts) {
-  for (int p : contacts.zone_members) load_n_[p] = load_n[p];
-  for (const Body& body : model_.bodies) {
-    if (!body.rigid || body.all_fixed) continue;
-    Vec3 resultant = Vec3::Zero();
-    double area = 0;
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
-      resultant += load_n[p];
-      if (limit_[p].bonded) area += model_.area_m2[p];
-    }
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count && area > 0;
-         ++p) {
-      load_n_[p] = resultant * (model_.area_m2[p] / area);
-    }
-  }
-}
-
 // Load over strength: above 1 lets go.
-double Adhesive::LoadRatio(int particle, const Vec3& load) const {
-  const Limit& limit = limit_[particle];
+double Adhesive::LoadRatio(const Limit& limit, const Vec3& load) {
   const double length = limit.normal_sum.norm();
   if (!(length > 0)) return 0;
   const Vec3 normal = limit.normal_sum / length;
@@ -251,8 +246,8 @@ double Adhesive::LoadRatio(int particle, const Vec3& load) const {
     if (force == 0) return 0.0;
     return strength > 0 ? force / strength : std::numeric_limits<double>::infinity();
   };
-  const double normal_ratio = over(tension, limit.normal_n),
-               shear_ratio = over(shear, limit.shear_n);
+  const double normal_ratio = over(tension, limit.normal_n);
+  const double shear_ratio = over(shear, limit.shear_n);
   return std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio);
 }
 
@@ -260,14 +255,14 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
                       std::span<const double> strength_scale, Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
   CollectLimits(state, strength_scale, *contacts);
-  SpreadOverRigidBodies(load_n, *contacts);
+  bond_released_.assign(contacts->bonds.size(), 0);
   int released = 0;
   for (Zone& zone : contacts->zones) {
     zone.load = 0;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = contacts->zone_members[k];
-      if (!limit_[p].bonded || model_.fixed[p]) continue;
-      const double ratio = LoadRatio(p, load_n_[p]);
+      if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
+      const double ratio = LoadRatio(limit_[p], load_n[p]);
       zone.load = std::max(zone.load, ratio);
       if (ratio > 1) {
         limit_[p].released = true;
@@ -275,36 +270,40 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       }
     }
   }
-  if (released > 0) RemoveReleased(state, contacts);
+  released += rigid_.Release(
+      *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },
+      [&](const RigidInterfaces::Cut& cut) {
+        Limit limit{cut.normal_sum, 0, 0, true, false};
+        Strengths(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg,
+                  cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
+        const double ratio = LoadRatio(limit, cut.load_n);
+        contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, ratio);
+        return ratio > 1;
+      },
+      &bond_released_);
+  if (released > 0) RemoveReleased(contacts);
   return released;
 }
 
-void Adhesive::RemoveReleased(const State& state, Contacts* contacts) {
-  for (Bond& bond : contacts->bonds) {
-    const Triangle& tri = model_.triangles[bond.triangle];
-    double gap = 0;
-    if (bond.particle >= 0) {
-      Vec3 offset = state.position_m[bond.particle];
-      for (int k = 0; k < 3; ++k) offset -= bond.weights[k] * state.position_m[tri[k]];
-      gap = bond.gap_sign * offset.norm();
-    }
-    const bool whole = bond.particle >= 0 && limit_[bond.particle].released;
-    if (whole) AddReleased(bond.particle, model_.body_of[tri[0]], gap, contacts);
+void Adhesive::RemoveReleased(Contacts* contacts) {
+  constexpr std::array<std::int32_t, 3> kNone{-1, -1, -1};
+  for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
+    Bond& bond = contacts->bonds[b];
+    const int body = model_.body_of[model_.triangles[bond.triangle][0]];
+    const bool whole = bond_released_[b] || (bond.particle >= 0 && limit_[bond.particle].released);
     for (std::int32_t& v : bond.vertices) {
       if (v < 0 || !(whole || limit_[v].released)) continue;
-      if (limit_[v].released) {
+      if (bond_released_[b] || limit_[v].released) {
         const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
-        AddReleased(v, other, gap, contacts);
+        AddReleased(v, other, bond.gap_m, contacts);
       }
       v = -1;
     }
-    if (bond.particle >= 0 && bond.vertices == std::array<std::int32_t, 3>{-1, -1, -1}) {
-      AddReleased(bond.particle, model_.body_of[tri[0]], gap, contacts);
+    if (bond.particle >= 0 && bond.vertices == kNone) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
     }
   }
-  std::erase_if(contacts->bonds, [](const Bond& bond) {
-    return bond.vertices == std::array<std::int32_t, 3>{-1, -1, -1};
-  });
+  std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.vertices == kNone; });
 }
 
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/contact/detector.h"
+#include "core/contact/rigid_interfaces.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -46,6 +47,10 @@ class Adhesive {
   int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                      StepReport* report);
 
+  // True when the tool cannot take the particle along: it is fixed, or in a zone that is held by
+  // fixed particles or by another tool. Such a particle stops the tool instead.
+  bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
+
   // Releases every colliding particle whose load [#particles, N] exceeds its strength
   // (`strength_scale` [#tools] multiplies that of tools' bonds). Writes Zone::load. Returns the
   // number that let go.
@@ -65,9 +70,10 @@ class Adhesive {
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
-  double LoadRatio(int particle, const Vec3& load) const;
-  void SpreadOverRigidBodies(std::span<const Vec3> load_n, const Contacts& contacts);
-  void RemoveReleased(const State& state, Contacts* contacts);
+  void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
+                 Limit* limit) const;
+  static double LoadRatio(const Limit& limit, const Vec3& load);
+  void RemoveReleased(Contacts* contacts);
   Vec3 BondNormal(const Bond& bond, const State& state) const;
   void AddReleased(int particle, int other, double gap_m, Contacts* contacts);
   const ReleasedPair* FindReleased(const Contacts& contacts, int particle, int other) const;
@@ -75,9 +81,10 @@ class Adhesive {
   const Model& model_;
   double capture_distance_m_ = 0;
   double release_distance_m_ = 0;
-  std::vector<Limit> limit_;           // [#particles]
-  std::vector<Vec3> load_n_;           // [#particles] with rigid bodies' loads spread
-  std::vector<std::uint8_t> touched_;  // [#particles x #tools] within d_off of the tool
+  std::vector<Limit> limit_;  // [#particles]
+  RigidInterfaces rigid_;
+  std::vector<std::uint8_t> bond_released_;  // [#bonds]
+  std::vector<std::uint8_t> touched_;        // [#particles x #tools] within d_off of the tool
   std::vector<ReleasedPair> kept_;
 };
 

@@ -65,15 +65,20 @@ void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
 }
 
 void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
-  for (Bond& bond : contacts->bonds) {
-    const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
-    for (std::int32_t& v : bond.vertices) {
-      if (v < 0) continue;
-      if (Unite(anchor, v)) {
-        member_[v] = 1;
-      } else {
-        v = -1;
-        report->bits |= kStepZoneSplitForced;
+  // Particles first: what is stuck to the ground stays there, and a tool that grips it too is
+  // refused.
+  for (const bool tools : {false, true}) {
+    for (Bond& bond : contacts->bonds) {
+      if ((bond.tool >= 0) != tools) continue;
+      const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
+      for (std::int32_t& v : bond.vertices) {
+        if (v < 0) continue;
+        if (Unite(anchor, v)) {
+          member_[v] = 1;
+        } else {
+          v = -1;
+          report->bits |= kStepZoneSplitForced;
+        }
       }
     }
   }

@@ -81,20 +81,13 @@ absl::Status Pipeline::ChooseSubsteps() {
 absl::Status Pipeline::CompileTools() {
   const std::size_t tools = model_->tools.size();
   if (tools == 0) return absl::OkStatus();
-  std::vector<ToolSet::Obstacle> obstacles;
-  std::vector<std::vector<Triangle>> local;  // triangles numbered from the body's first particle
-  for (const Body& body : model_->bodies) {
-    if (!body.all_fixed) continue;
-    std::vector<Triangle>& triangles = local.emplace_back();
-    for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
-      Triangle triangle = model_->triangles[t];
-      for (std::int32_t& p : triangle) p -= body.first_particle;
-      triangles.push_back(triangle);
-    }
-    obstacles.push_back(
-        {std::span(model_->rest_position_m).subspan(body.first_particle, body.particle_count),
-         triangles});
+  // What is fixed stops tools, whatever body it is part of.
+  std::vector<Triangle> fixed;
+  for (const Triangle& t : model_->triangles) {
+    if (model_->fixed[t[0]] && model_->fixed[t[1]] && model_->fixed[t[2]]) fixed.push_back(t);
   }
+  std::vector<ToolSet::Obstacle> obstacles;
+  if (!fixed.empty()) obstacles.push_back({model_->rest_position_m, fixed});
   absl::StatusOr<std::unique_ptr<ToolSet>> set = ToolSet::Create(model_->tools, obstacles);
   if (!set.ok()) return set.status();
   tool_set_ = *std::move(set);
@@ -140,6 +133,10 @@ void Pipeline::MakeStartState() {
   }
   ZoneBuilder::Reserve(*model_, &start_.contacts);
   zone_builder_->Rebuild(&start_.contacts, &report_);
+  // Velocities that pins, rigid bodies or constraints do not permit end here, before the books are
+  // opened.
+  OpenLedgers(*model_, &start_);
+  solver_->Capture(&start_, tool_impulse_);
   OpenLedgers(*model_, &start_);
   // Capacities first: copies have only their size.
   ZoneBuilder::Reserve(*model_, &state_.contacts);

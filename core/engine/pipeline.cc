@@ -55,13 +55,16 @@ void Pipeline::SetTargets(std::span<const ToolInput> tools) {
     strength_scale_[t] = input.strength_scale;
     retracted_[t] = input.retracted;
     if (input.retracted) tool.flags |= kToolRetracted;
-    const Vec3 before = tool.target.position_m;
+    const Pose before = tool.target;
     if (input.has_target) {
       tool.target = input.target;
     } else if (!model.trajectory.empty()) {
       tool.target = PoseAt(model.trajectory, state_.time_s + model_->dt_s);
     }
-    if ((tool.target.position_m - before).norm() > kJumpSeconds * model.coupling.max_speed_m_s) {
+    const double turned =
+        2 * (tool.target.orientation * before.orientation.conjugate()).vec().norm();
+    if ((tool.target.position_m - before.position_m).norm() + kSpeedRadius * turned >
+        kJumpSeconds * model.coupling.max_speed_m_s) {
       tool.flags |= kToolTargetJumped;
     }
   }
@@ -74,15 +77,23 @@ int Pipeline::SubstepsNow() {
   if (!detector_) return substeps_;
   Aabb velocities;
   for (const Vec3& v : state_.velocity_m_s) velocities.Add(v);
+  double turning_m_s = 0;  // of a tool's far end about its tip
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
+    const double limit = model_->tools[t].coupling.max_speed_m_s;
     const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
-    const double speed = std::min(model_->tools[t].coupling.max_speed_m_s,
-                                  tool.twist.linear_m_s.norm() + away.norm());
     velocities.Add(tool.twist.linear_m_s);
-    if (away.squaredNorm() > 0) velocities.Add(Vec3(away.normalized() * speed));
+    if (away.squaredNorm() > 0) {
+      velocities.Add(
+          Vec3(away.normalized() * std::min(limit, tool.twist.linear_m_s.norm() + away.norm())));
+    }
+    const double angle =
+        2 * (tool.target.orientation * tool.pose.orientation.conjugate()).vec().norm();
+    const double turn =
+        std::min(limit / kSpeedRadius, tool.twist.angular_rad_s.norm() + angle / model_->dt_s);
+    turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
   }
-  const double closing = (velocities.max - velocities.min).norm();
+  const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
   const double wanted = closing * model_->dt_s / (0.5 * model_->adhesive->capture_distance_m);
   if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
   // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
@@ -121,8 +132,8 @@ void Pipeline::DetectAndCapture(double dt_s) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
     }
-    changes += adhesive_->CaptureByTools(tool_contacts_->Find(state_, *detector_, retracted_, dt_s),
-                                         state_, &state_.contacts, &report_);
+    near_tools_ = tool_contacts_->Find(state_, *detector_, retracted_, dt_s);
+    changes += adhesive_->CaptureByTools(near_tools_, state_, &state_.contacts, &report_);
   }
   if (changes > 0) {
     zone_builder_->Rebuild(&state_.contacts, &report_);
@@ -152,6 +163,7 @@ void Pipeline::EvaluateForces() {
 }
 
 void Pipeline::MoveTools(double dt_s) {
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) tool_pose_[t] = state_.tools[t].pose;
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
     // What the tool carries: the inertia of its zone, and the forces on it.
@@ -178,15 +190,45 @@ void Pipeline::MoveTools(double dt_s) {
     if (result.speed_limited) tool.flags |= kToolSpeedLimited;
     coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
     coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
-    tool_twist_[t] =
-        tools_can_collide_ ? Unobstructed(static_cast<int>(t), result.twist, dt_s) : result.twist;
+    Twist twist = NotIntoHeldTissue(static_cast<int>(t), result.twist);
+    if (tools_can_collide_) twist = Unobstructed(static_cast<int>(t), twist, dt_s);
+    tool_twist_[t] = twist;
+    // One after the other: the next tool sees where this one will be, so that none can pass
+    // another.
+    tool_pose_[t] = Advance(tool.pose, twist, dt_s);
   }
+}
+
+// The twist without the part that drives the tool into tissue which it cannot take along.
+Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
+  ToolState& tool = state_.tools[t];
+  for (const Adhesive::NearTool& near : near_tools_) {
+    if (near.tool != t || near.gap_m >= model_->adhesive->capture_distance_m) continue;
+    const Triangle& tri = model_->triangles[near.triangle];
+    Vec3 point = Vec3::Zero();
+    bool held = false;
+    for (int k = 0; k < 3; ++k) {
+      point += near.weights(k) * state_.position_m[tri[k]];
+      held = held || (near.weights(k) > Adhesive::kMinWeight &&
+                      adhesive_->HeldAgainst(t, tri[k], state_.contacts));
+    }
+    if (!held) continue;
+    const double into = near.normal.dot(twist.linear_m_s);
+    if (into > 0) {
+      twist.linear_m_s -= into * near.normal;
+      tool.flags |= kToolObstructed;
+    }
+    if (near.normal.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
+      twist.angular_rad_s.setZero();
+      tool.flags |= kToolObstructed;
+    }
+  }
+  return twist;
 }
 
 // The twist without the part that would drive the tool into an obstacle or another tool.
 Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
   ToolState& tool = state_.tools[t];
-  for (std::size_t k = 0; k < state_.tools.size(); ++k) tool_pose_[k] = state_.tools[k].pose;
   Vec3 normal;
   for (int attempt = 0; attempt < 3; ++attempt) {
     const double fraction =

@@ -56,6 +56,7 @@ class Pipeline : public Engine {
   double SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const;
   void MoveTools(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
+  Twist NotIntoHeldTissue(int tool, Twist twist);
   void Solve(double dt_s);
   bool Finite() const;
 
@@ -85,6 +86,7 @@ class Pipeline : public Engine {
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
   std::vector<double> strength_scale_;                   // [#tools]
   std::vector<std::uint8_t> retracted_;                  // [#tools]
+  std::span<const Adhesive::NearTool> near_tools_;       // of this sub-step
 
   StageClock clock_;
   std::vector<int> effect_stage_;  // [#effects]

@@ -21,7 +21,7 @@ struct MomentumError {
   double angular = 0;  // the same of L about the world's origin / max sum m|r||v|
 };
 
-// Balance of momentum now; 0 where nothing ever moved.
+// Balance of momentum now; 0 where nothing ever moved by more than round-off.
 MomentumError MomentumBalance(const Model& model, const State& state);
 
 // Largest |V - V_rest| / V_rest among the bodies that the scene's volume preservation acts on;

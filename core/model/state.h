@@ -18,6 +18,7 @@ struct Bond {
   std::array<double, 3> weights{};  // barycentric coordinates of the contact point
   std::int8_t side = 1;      // +1: the particle is on the side that the triangle's normal points to
   std::int8_t gap_sign = 1;  // -1: the particle was inside a closed body when captured
+  double gap_m = 0;          // when captured; the zone keeps it
   bool sticky = true;        // false: no strength (a tool's bare shaft)
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
 };

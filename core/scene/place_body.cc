@@ -101,6 +101,22 @@ void SetVelocities(const v1::Body& body, const Body& placed, Model* model) {
   }
 }
 
+// A rigid body that is fixed in three points off one line cannot move at all.
+bool PinsLock(const Model& model, const Body& body) {
+  std::vector<Vec3> pins;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    if (model.fixed[p]) pins.push_back(model.rest_position_m[p]);
+  }
+  double widest_sq = 0;
+  for (const Vec3& a : pins) {
+    const Vec3 first = a - pins[0];
+    for (const Vec3& b : pins)
+      widest_sq = std::max(widest_sq, first.cross(b - pins[0]).squaredNorm());
+    if (widest_sq > 1e-16 * body.size_m * body.size_m * body.size_m * body.size_m) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Mat3 RotationFromDegrees(const Vec3& degrees) {
@@ -161,6 +177,9 @@ void PlaceBody(const v1::Body& body, const TriangleMesh& mesh, const std::string
   if (placed.closed) placed.rest_volume_m3 = EnclosedVolume(world);
 
   Fix(body, on_border, path, placed, model, problems);
+  if (placed.rigid && PinsLock(*model, placed)) {
+    std::fill_n(model->fixed.begin() + placed.first_particle, placed.particle_count, 1);
+  }
   SetVelocities(body, placed, model);
   placed.all_fixed = true;
   for (int i = 0; i < placed.particle_count; ++i) {

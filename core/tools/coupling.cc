@@ -10,9 +10,6 @@
 namespace adhesim {
 namespace {
 
-// max_speed_m_s holds for every point of the tool this near to its tip.
-constexpr double kSpeedRadius = 0.1;  // m
-
 Vec6 Stack(const Vec3& linear, const Vec3& angular) {
   Vec6 v;
   v << linear, angular;
@@ -117,15 +114,14 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
   return result;
 }
 
+double ToolLength(const ToolModel& tool) {
+  if (const auto* needle = std::get_if<NeedleShape>(&tool.shape)) return needle->length_m;
+  const auto& lancet = std::get<LancetShape>(tool.shape);
+  return lancet.blade_length_m + lancet.handle_length_m;
+}
+
 Mat6 ToolInertia(const ToolModel& tool, const Pose& /*pose*/) {
-  double length = 0;
-  if (const auto* needle = std::get_if<NeedleShape>(&tool.shape)) {
-    length = needle->length_m;
-  } else {
-    const auto& lancet = std::get<LancetShape>(tool.shape);
-    length = lancet.blade_length_m + lancet.handle_length_m;
-  }
-  const double mass = tool.coupling.mass_kg;
+  const double mass = tool.coupling.mass_kg, length = ToolLength(tool);
   Mat6 inertia = Mat6::Zero();
   inertia.diagonal() << Vec3::Constant(mass), Vec3::Constant(mass * length * length / 3);
   return inertia;

@@ -22,6 +22,12 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
                             const Twist& twist, const Pose& target, const Mat6& inertia,
                             const Wrench& applied, double dt_s);
 
+// max_speed_m_s holds for every point of a tool this near to its tip, m.
+inline constexpr double kSpeedRadius = 0.1;
+
+// From the tip to the far end, m.
+double ToolLength(const ToolModel& tool);
+
 // The tool's own inertia about its tip, from CouplingParameters::mass_kg and the tool's length.
 Mat6 ToolInertia(const ToolModel& tool, const Pose& pose);
 

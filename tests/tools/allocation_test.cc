@@ -2,36 +2,17 @@
 #include <LinearMath/btAlignedAllocator.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
 #include "core/tools/coupling.h"
+#include "tests/support/count_allocations.h"
 #include "tests/tools/tools_for_test.h"
 
 namespace {
 
-std::atomic<int> allocations{0};
-
-void* CountedAlloc(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
-}
-
 void* BulletAlloc(std::size_t size, int alignment) {
-  ++allocations;
-  return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+  return adhesim::test::CountedAlloc(size, alignment);
 }
 
 }  // namespace
-
-void* operator new(std::size_t size) { return CountedAlloc(size); }
-void* operator new[](std::size_t size) { return CountedAlloc(size); }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete[](void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
 
 namespace adhesim {
 namespace {
@@ -43,8 +24,8 @@ TEST(ToolQueries, AllocateNothing) {
     const auto tools = MakeTools({Needle(), Lancet()}, {plate});
     const std::vector<Pose> poses = {{Vec3(0, 0, 0.01), Quat::Identity()},
                                      {Vec3(0, 0.001, 0.01), Quat::Identity()}};
-    ASSERT_GT(allocations, 0) << "the counters do not work";
-    const int before = allocations;
+    ASSERT_GT(test::allocations, 0) << "the counters do not work";
+    const long before = test::allocations;
     Numbers numbers;
     double sum = 0;
     for (int round = 0; round < 100; ++round) {
@@ -61,7 +42,7 @@ TEST(ToolQueries, AllocateNothing) {
           FollowTarget({}, poses[0], {}, poses[1], ToolInertia(Needle(), {}), {}, 1e-3);
       sum += Advance(poses[0], result.twist, 1e-3).position_m.x();
     }
-    EXPECT_EQ(allocations - before, 100 * 0) << sum;
+    EXPECT_EQ(test::allocations - before, 100 * 0) << sum;
   }
   btAlignedAllocSetCustomAligned(nullptr, nullptr);
 }

@@ -18,9 +18,9 @@ struct Ellipsoid {
 constexpr double kBlend = 0.10;  // how widely lobes melt into each other
 const std::array<Ellipsoid, 4>& Lobes() {
   static const std::array<Ellipsoid, 4> kLobes = {{{{-0.18, 0.02, 0.02}, {0.31, 0.34, 0.30}},
-                                                  {{-0.26, 0.04, -0.22}, {0.17, 0.22, 0.24}},
-                                                  {{0.20, 0.10, 0.10}, {0.31, 0.22, 0.14}},
-                                                  {{-0.02, -0.16, 0.00}, {0.15, 0.12, 0.16}}}};
+                                                   {{-0.26, 0.04, -0.22}, {0.17, 0.22, 0.24}},
+                                                   {{0.20, 0.10, 0.10}, {0.31, 0.22, 0.14}},
+                                                   {{-0.02, -0.16, 0.00}, {0.15, 0.12, 0.16}}}};
   return kLobes;
 }
 const Ellipsoid kHollow = {{0.12, -0.10, -0.34}, {0.30, 0.30, 0.30}};
