@@ -47,6 +47,8 @@ struct Felt {
   double peak_push_n = 0;            // along the shaft, against the tip
   double push_area_m2 = 0;           // area of contact at that instant
   double peak_pull_n = 0;            // the other way
+  double recent_push_n = 0;          // the same since the last progress line
+  double recent_pull_n = 0;
   double peak_force_n = 0;
   std::uint32_t most_particles = 0;
   std::uint64_t newest_sequence = 0;
@@ -113,6 +115,13 @@ class Reader {
     std::lock_guard lock(mutex_);
     return felt_;
   }
+  // What was felt, and a new start for what is recent.
+  Felt TakeRecent() {
+    std::lock_guard lock(mutex_);
+    const Felt felt = felt_;
+    felt_.recent_push_n = felt_.recent_pull_n = 0;
+    return felt;
+  }
   std::uint64_t newest_sequence() const { return newest_sequence_.load(); }
   bool ended() const { return ended_.load(); }
 
@@ -152,6 +161,8 @@ class Reader {
         felt_.push_area_m2 = feedback.tool().contact_area_m2();
       }
       felt_.peak_pull_n = std::max(felt_.peak_pull_n, -along_n);
+      felt_.recent_push_n = std::max(felt_.recent_push_n, along_n);
+      felt_.recent_pull_n = std::max(felt_.recent_pull_n, -along_n);
       felt_.peak_force_n = std::max(felt_.peak_force_n, std::hypot(f.fx_n(), f.fy_n(), f.fz_n()));
       felt_.most_particles = std::max(felt_.most_particles, feedback.tool().colliding_particles());
     }
@@ -183,10 +194,11 @@ void PrintProgress(double t_s, const Felt& felt) {
   const v1::ToolState& tool = felt.last.feedback().tool();
   const v1::Wrench& f = tool.tissue();
   std::printf(
-      "%6.1f s  force %8.4f %8.4f %8.4f N  along shaft %8.4f N  particles %3u  rate %7.1f Hz  "
-      "misses %llu\n",
-      t_s, f.fx_n(), f.fy_n(), f.fz_n(), AlongShaft(tool), tool.colliding_particles(),
-      RateHeldHz(felt), static_cast<unsigned long long>(MissesWhileOperating(felt)));
+      "%5.1f s  force x %7.3f y %7.3f z %7.3f N  most in this second: push %6.3f pull %6.3f N  "
+      "particles %3u  rate %6.1f Hz  misses %llu\n",
+      t_s, f.fx_n(), f.fy_n(), f.fz_n(), felt.recent_push_n, felt.recent_pull_n,
+      tool.colliding_particles(), RateHeldHz(felt),
+      static_cast<unsigned long long>(MissesWhileOperating(felt)));
   std::fflush(stdout);
 }
 
@@ -215,7 +227,7 @@ std::uint64_t SendPoses(const Trajectory& trajectory, const OperateOptions& opti
     *pose->mutable_pose() = trajectory.At(trajectory.begin_s() + t_s);
     if (Interruption::requested() || reader->ended() || !stream->Write(request)) return i;
     if (!options.json && t_s >= next_line_s) {
-      PrintProgress(t_s, reader->felt());
+      PrintProgress(t_s, reader->TakeRecent());
       next_line_s += 1;
     }
   }
