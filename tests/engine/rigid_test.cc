@@ -39,7 +39,9 @@ effects:
     depth = std::max(depth,
                      MeasurePenetration(engine->model(), engine->state().position_m).max_depth_m);
   }
-  EXPECT_LE(depth, 0.001);                   // the capture distance
+  // Twice the capture distance: the block's edges cut into the ball between its vertices, and
+  // edge-edge contact is not detected. Sinking through would be centimetres.
+  EXPECT_LE(depth, 0.002);
   EXPECT_GT(MeanHeight(*engine, 2), 0.018);  // the block ends at 0.0115, the ball flattens
 }
 
