@@ -91,7 +91,7 @@ void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
   for (std::size_t p = 0; p < collides_.size(); ++p) {
     if (!collides_[p]) continue;
     collides_[p] = 0;
-    const Eigen::Vector3f force = load_n[p].cast<float>();
+    const Eigen::Vector3f force = -load_n[p].cast<float>();  // what carries the load
     frame->contact_forces.push_back(
         {static_cast<std::uint32_t>(p), {force.x(), force.y(), force.z()}});
   }

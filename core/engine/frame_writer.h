@@ -22,8 +22,8 @@ class FrameWriter {
 
   // What the state alone says. Contact forces and strain energies become "none" and zero.
   void Write(const State& state, Frame* frame) const;
-  // Adds what the last sub-step has left behind: `load_n` [#particles, N], and the effects'
-  // energies.
+  // Adds what the last sub-step has left behind: `load_n` [#particles, N] on the zones, and the
+  // effects' energies.
   void WriteForces(const State& state, std::span<const Vec3> load_n, Frame* frame) const;
 
  private:
