@@ -139,7 +139,8 @@ void EncodeTopology(const Model& model, v1::Topology* message) {
   }
 }
 
-void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, v1::Frame* message) {
+void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, bool strain_energy,
+                 v1::Frame* message) {
   const Frame& from = frame.frame;
   message->clear_box_min_m();
   message->clear_box_size_m();
@@ -158,6 +159,7 @@ void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, v1::F
   for (std::size_t i = 0; i < from.tools.size(); ++i) {
     EncodeTool(from.tools[i], frame.target_jumps[i], message->add_tools());
   }
+  message->mutable_strain_energy()->clear();
   message->set_colliding_particles(from.colliding_particles);
   message->set_captures(frame.captures);
   message->set_releases(frame.releases);

@@ -17,9 +17,10 @@ void EncodeTool(const ToolFrame& tool, std::uint64_t target_jumps, v1::ToolState
 void EncodeTiming(const SessionTiming& timing, v1::SessionTiming* message);
 void EncodeHeartbeat(const SessionFrame& frame, bool draining, v1::Heartbeat* message);
 void EncodeTopology(const Model& model, v1::Topology* message);
-// Q16 when asked for, else float32. `message` is fresh or was filled by this function: its memory
-// is used again.
-void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, v1::Frame* message);
+// Positions Q16 when asked for, else float32; strain energy when asked for. `message` is fresh or
+// was filled by this function: its memory is used again.
+void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, bool strain_energy,
+                 v1::Frame* message);
 
 v1::RealtimeClass EncodeRealtimeClass(RealtimeClass realtime_class);
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "adhesim/v1/interaction_service.pb.h"
@@ -42,7 +43,8 @@ class ViewerSink {
 
 // Distributes one session's frames to its operators and viewers.
 //
-// A frame is made and serialised at most once for each encoding, and only when some viewer is due.
+// A frame is made and serialised at most once for each form (encoding, fields), and only when some
+// viewer is due.
 // A viewer is due when its own rate says so, it has not seen the newest frame, and fewer than
 // `credits` frames are under way to it. A viewer without credit loses the frame: when it
 // acknowledges, it gets the newest. (Measured: without credits, gRPC and TCP buffer seconds of
@@ -53,6 +55,7 @@ class Hub : public SessionObserver {
     double max_rate_hz = 60;
     v1::PositionEncoding encoding = v1::POSITION_ENCODING_FLOAT32;
     std::uint32_t credits = 2;  // 1..8
+    bool strain_energy = false;
   };
 
   // `model` outlives the hub's last use: it is the session's.
@@ -69,8 +72,9 @@ class Hub : public SessionObserver {
   // SessionFrozen, SessionDeleted.
   absl::Status AddViewer(const ViewerOptions& options, ViewerSink* sink);
   void RemoveViewer(ViewerSink* sink);
-  // `frames`: how many of its frames the viewer is done with, of all it was sent.
-  void Acknowledge(ViewerSink* sink, std::uint64_t frames);
+  // `frames`: how many of its frames the viewer is done with, of all it was sent. True when that
+  // says more than the last time: the viewer may be due.
+  bool Acknowledge(ViewerSink* sink, std::uint64_t frames);
 
   // Heartbeats say from now on that the server is going away.
   void AnnounceDraining();
@@ -98,13 +102,18 @@ class Hub : public SessionObserver {
     std::int64_t due_ns = 0;
   };
 
+  // What frames look like: encoding of the positions, with strain energy.
+  using Form = std::pair<v1::PositionEncoding, bool>;
+
   void DeliverFeedback(const SessionFrame& frame, int tool);
   void DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* viewer,
-                    std::map<v1::PositionEncoding, SharedBytes>* encoded);
+                    std::map<Form, SharedBytes>* encoded);
   bool IsDue(const Viewer& viewer, std::int64_t now_ns) const;
   void CountLost(Viewer* viewer, std::int64_t now_ns) const;
   SharedBytes Serialise(const v1::WatchResponse& response) const;
   void EndAll(const absl::Status& why);
+  void FillHeartbeat(const SessionFrame& frame, v1::Heartbeat* message) const;
+  std::vector<std::string> ListOperatedTools() const;
   template <typename Response>
   void Stamp(const SessionFrame& frame, Response* response) const;
 
