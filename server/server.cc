@@ -13,6 +13,7 @@
 
 #include "server/errors.h"
 #include "server/interaction_service.h"
+#include "server/recording_service.h"
 #include "server/service_context.h"
 #include "server/session_service.h"
 #include "server/view_service.h"
@@ -58,12 +59,13 @@ void Configure(const Limits& limits, grpc::ServerBuilder* builder) {
 // In the order of construction; destroyed the other way round.
 struct Server::Parts {
   Parts(const Options& options, SceneSource scenes, SessionService::About about)
-      : sessions(std::move(scenes), options.limits, options.realtime),
+      : sessions(std::move(scenes), options.limits, options.realtime, options.recording),
         context{sessions, {}},
         about_copy(about),
         session_service(&context, std::move(about)),
         interaction_service(&context),
-        view_service(&context) {}
+        view_service(&context),
+        recording_service(&context) {}
 
   Sessions sessions;
   ServiceContext context;
@@ -71,6 +73,7 @@ struct Server::Parts {
   SessionService session_service;
   InteractionService interaction_service;
   ViewService view_service;
+  RecordingService recording_service;
   std::unique_ptr<grpc::Server> server;
 };
 
@@ -128,6 +131,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, Sc
   builder.RegisterService(&parts.session_service);
   builder.RegisterService(&parts.interaction_service);
   builder.RegisterService(&parts.view_service);
+  builder.RegisterService(&parts.recording_service);
   parts.server = builder.BuildAndStart();
   const bool is_unix = options.listen.starts_with("unix:");
   if (parts.server == nullptr || (port == 0 && !is_unix)) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "server/limits.h"
+#include "server/recording_source.h"
 #include "server/scene_source.h"
 
 namespace adhesim {
@@ -20,6 +21,7 @@ class Server {
     bool realtime = true;                    // false: threads stay in the plain class
     std::string version;
     Limits limits;
+    RecordingSource recording;  // empty: nothing is recorded
   };
 
   // Errors: InvalidArgument for an address that is not loopback without `insecure_listen`;
