@@ -10,7 +10,8 @@ export default defineConfig({
     outDir: process.env.ADHESIM_WEB_OUT ?? "../../build/web/dist",
     emptyOutDir: true,
     target: "es2022",
-    // One script, nothing to preload, and nothing inlined that a content security policy would refuse.
+    // One script, nothing to preload, and nothing inlined that a content security policy would
+    // refuse.
     modulePreload: false,
     assetsInlineLimit: 0,
     chunkSizeWarningLimit: 1500,

@@ -1,4 +1,5 @@
-// Writes src/gen: the messages of proto/ as TypeScript. Needs protoc (Debian: protobuf-compiler); PROTOC names another one.
+// Writes src/gen: the messages of proto/ as TypeScript. Needs protoc (Debian: protobuf-compiler);
+// PROTOC names another one.
 import { execFileSync } from "node:child_process";
 import { mkdirSync, readdirSync, rmSync } from "node:fs";
 import { dirname, join } from "node:path";
@@ -30,6 +31,8 @@ try {
     { stdio: "inherit" },
   );
 } catch (error) {
-  console.error(`generate: ${error.message}\nIs protoc installed (Debian: apt-get install protobuf-compiler)?`);
+  console.error(
+    `generate: ${error.message}\nIs protoc installed (Debian: apt-get install protobuf-compiler)?`,
+  );
   process.exit(1);
 }

@@ -1,4 +1,5 @@
-// The one line above the view that says what is wrong or unusual. Several things may be; the most urgent is shown.
+// The one line above the view that says what is wrong or unusual. Several things may be; the most
+// urgent is shown.
 
 import { byId, setText } from "./dom";
 
@@ -17,7 +18,11 @@ export class Banner {
     clearTimeout(this.timers.get(topic));
     if (text === undefined) this.said.delete(topic);
     else this.said.set(topic, { text, level });
-    if (forMs > 0) this.timers.set(topic, window.setTimeout(() => this.set(topic, undefined), forMs));
+    if (forMs > 0)
+      this.timers.set(
+        topic,
+        window.setTimeout(() => this.set(topic, undefined), forMs),
+      );
     this.write();
   }
 

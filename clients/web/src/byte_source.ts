@@ -61,6 +61,7 @@ function cached(source: ByteSource): ByteSource {
 }
 
 function whole(bytes: Uint8Array, length: bigint): Uint8Array {
-  if (BigInt(bytes.length) !== length) throw new Error(`read ${bytes.length} bytes where ${length} should be`);
+  if (BigInt(bytes.length) !== length)
+    throw new Error(`read ${bytes.length} bytes where ${length} should be`);
   return bytes;
 }

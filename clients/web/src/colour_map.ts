@@ -1,14 +1,9 @@
-// Colours for numbers: a perceptually uniform scale for quantities, distinct colours for ids. Both keep their order or
-// difference for colour-blind eyes (viridis; Okabe and Ito 2008).
+// Colours for numbers: a perceptually uniform scale for quantities, distinct colours for ids. Both
+// keep their order or difference for colour-blind eyes (viridis; Okabe and Ito 2008).
 
 import type { Particles } from "./particles";
 
-export type ColourMapName =
-  | "none"
-  | "displacement"
-  | "contact-force"
-  | "strain-energy"
-  | "zone";
+export type ColourMapName = "none" | "displacement" | "contact-force" | "strain-energy" | "zone";
 
 export interface ColourMap {
   name: ColourMapName;
@@ -34,8 +29,8 @@ export function colourMap(name: string): ColourMap {
 /** Entries of the table. */
 export const kShades = 256;
 
-// Sixth-degree fits to matplotlib's viridis (van der Walt and Smith 2015), coefficients by Matt Zucker (public domain);
-// within 0.01 of the original.
+// Sixth-degree fits to matplotlib's viridis (van der Walt and Smith 2015), coefficients by Matt
+// Zucker (public domain); within 0.01 of the original.
 const kViridis = [
   [0.2777273272234177, 0.005407344544966578, 0.3340998053353061],
   [0.1050930431085774, 1.404613529898575, 1.384590162594685],
@@ -51,7 +46,8 @@ export function viridis(t: number): [number, number, number] {
   const at = Math.min(1, Math.max(0, t));
   const channel = (c: number) => {
     let value = 0;
-    for (let power = kViridis.length - 1; power >= 0; power--) value = value * at + kViridis[power][c];
+    for (let power = kViridis.length - 1; power >= 0; power--)
+      value = value * at + kViridis[power][c];
     return Math.min(1, Math.max(0, value));
   };
   return [channel(0), channel(1), channel(2)];
@@ -120,8 +116,8 @@ export interface Range {
 }
 
 /**
- * A range for the legend: 0 to the next round number above the greatest value. Rounding keeps the colours calm from frame
- * to frame without any memory of earlier ones.
+ * A range for the legend: 0 to the next round number above the greatest value. Rounding keeps the
+ * colours calm from frame to frame without any memory of earlier ones.
  */
 export function niceRange(values: Float32Array): Range {
   let max = 0;
@@ -144,7 +140,8 @@ export function niceCeiling(value: number): number {
 export function paintValues(values: Float32Array, range: Range, colours: Float32Array): void {
   const scale = range.max > range.min ? (kShades - 1) / (range.max - range.min) : 0;
   for (let p = 0; p < values.length; p++) {
-    const shade = 3 * Math.min(kShades - 1, Math.max(0, Math.round((values[p] - range.min) * scale)));
+    const shade =
+      3 * Math.min(kShades - 1, Math.max(0, Math.round((values[p] - range.min) * scale)));
     colours[3 * p] = kLinearViridis[shade];
     colours[3 * p + 1] = kLinearViridis[shade + 1];
     colours[3 * p + 2] = kLinearViridis[shade + 2];

@@ -65,7 +65,8 @@ export class Connection {
 
   private receive(data: unknown): void {
     try {
-      if (!(data instanceof ArrayBuffer)) throw new Error("the server sent text; messages are binary");
+      if (!(data instanceof ArrayBuffer))
+        throw new Error("the server sent text; messages are binary");
       this.handlers.onMessage(fromBinary(ServerMessageSchema, new Uint8Array(data)));
     } catch (error) {
       this.handlers.onError(error);

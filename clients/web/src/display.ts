@@ -113,8 +113,9 @@ export class DisplayPanel {
   }
 }
 
-// lil-gui brings a font for its arrows and ticks as a data: address, which the server's content security policy refuses, and
-// rightly says so in the console. The system's fonts have the same characters.
+// lil-gui brings a font for its arrows and ticks as a data: address, which the server's content
+// security policy refuses, and rightly says so in the console. The system's fonts have the same
+// characters.
 function dropIconFont(): void {
   for (const sheet of document.styleSheets) {
     // Without an address: a style element of this page's scripts.

@@ -23,7 +23,9 @@ export function setText(element: HTMLElement, text: string): void {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** Lets keys go on working after a click: the button does not keep the focus that a mouse gave it. */
+/**
+ * Lets keys go on working after a click: the button does not keep the focus that a mouse gave it.
+ */
 export function onClick(element: HTMLElement, action: () => void): void {
   element.addEventListener("click", (event) => {
     if (event.detail > 0) element.blur();

@@ -1,4 +1,5 @@
-// Driving a tool with the mouse and the keys while it is held: moves a target pose, which the server's tool follows.
+// Driving a tool with the mouse and the keys while it is held: moves a target pose, which the
+// server's tool follows.
 
 import { Quaternion, Raycaster, Vector2, Vector3, type Ray } from "three";
 import {
@@ -40,7 +41,10 @@ export class Driving {
     canvas.addEventListener("pointerup", () => (this.pointer = undefined));
     canvas.addEventListener("pointerleave", () => (this.pointer = undefined));
     // Before the camera's own handler, which would zoom.
-    canvas.addEventListener("wheel", (event) => this.wheel(event), { capture: true, passive: false });
+    canvas.addEventListener("wheel", (event) => this.wheel(event), {
+      capture: true,
+      passive: false,
+    });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
@@ -158,7 +162,10 @@ export class Driving {
   }
 }
 
-/** The part of a force along a tool's shaft, N: above 0 when it pushes the tool out, below 0 when it holds it back. */
+/**
+ * The part of a force along a tool's shaft, N: above 0 when it pushes the tool out, below 0 when it
+ * holds it back.
+ */
 export function axialForceN(state: ToolState): number {
   const { pose, tissue } = state;
   if (!pose || !tissue) return 0;

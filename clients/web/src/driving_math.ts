@@ -1,5 +1,5 @@
-// Where a mouse or a key moves a tool's target. Pure functions over three.js vectors; a pose is the tool's tip and its
-// orientation, and the tool's shaft lies along its own +z, away from the tissue.
+// Where a mouse or a key moves a tool's target. Pure functions over three.js vectors; a pose is the
+// tool's tip and its orientation, and the tool's shaft lies along its own +z, away from the tissue.
 
 import { Quaternion, Vector3, type Ray } from "three";
 import type { Pose } from "./gen/adhesim/v1/frame_pb";
@@ -26,8 +26,8 @@ export function shaftAxis(target: TargetPose): Vector3 {
 }
 
 /**
- * How far the pointer moved in the plane through the tip that is parallel to the screen, m. `forward` is the camera's view
- * direction. Undefined when a ray is parallel to the plane.
+ * How far the pointer moved in the plane through the tip that is parallel to the screen, m.
+ * `forward` is the camera's view direction. Undefined when a ray is parallel to the plane.
  */
 export function planeMotion(
   from: Ray,
@@ -78,8 +78,8 @@ export function dragRotation(dx: number, dy: number, up: Vector3, right: Vector3
 const kRadiansPerPixel = (0.3 * Math.PI) / 180;
 
 /**
- * Notches of a wheel event, above 0 away from the user. Mice report 100 or 120 pixels or 3 lines a notch; what is smaller
- * comes from a touchpad and counts in proportion.
+ * Notches of a wheel event, above 0 away from the user. Mice report 100 or 120 pixels or 3 lines a
+ * notch; what is smaller comes from a touchpad and counts in proportion.
  */
 export function wheelNotches(deltaY: number, deltaMode: number): number {
   const notches = deltaMode === 1 ? deltaY / 3 : deltaMode === 2 ? deltaY : deltaY / 100;

@@ -1,6 +1,14 @@
 // A floor grid with round spacing, and the little cross of axes in a corner.
 
-import { Box3, BufferAttribute, BufferGeometry, LineBasicMaterial, LineSegments, Vector3, type Camera } from "three";
+import {
+  Box3,
+  BufferAttribute,
+  BufferGeometry,
+  LineBasicMaterial,
+  LineSegments,
+  Vector3,
+  type Camera,
+} from "three";
 import { niceCeiling } from "./colour_map";
 
 const kCells = 20;
@@ -30,7 +38,12 @@ export class Ground {
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
     this.lines = new LineSegments(
       geometry,
-      new LineBasicMaterial({ color: 0x808890, transparent: true, opacity: 0.28, depthWrite: false }),
+      new LineBasicMaterial({
+        color: 0x808890,
+        transparent: true,
+        opacity: 0.28,
+        depthWrite: false,
+      }),
     );
   }
 
@@ -54,7 +67,10 @@ export function drawAxes(svg: SVGElement, camera: Camera): void {
     const [ex, ey] = [(36 + x).toFixed(1), (36 - y).toFixed(1)];
     const [tx, ty] = [(36 + 1.3 * x).toFixed(1), (36 - 1.3 * y + 4).toFixed(1)];
     const text = `<text x="${tx}" y="${ty}" fill="${colour}" text-anchor="middle">${name}</text>`;
-    return { z, svg: `<line x1="36" y1="36" x2="${ex}" y2="${ey}" stroke="${colour}" stroke-width="2"/>${text}` };
+    return {
+      z,
+      svg: `<line x1="36" y1="36" x2="${ex}" y2="${ey}" stroke="${colour}" stroke-width="2"/>${text}`,
+    };
   });
   parts.sort((a, b) => a.z - b.z);
   svg.innerHTML = parts.map((part) => part.svg).join("");

@@ -55,7 +55,11 @@ export class Help {
         "section",
         {},
         create("h3", {}, title),
-        create("dl", {}, ...rows.flatMap(([keys, text]) => [create("dt", {}, keys), create("dd", {}, text)])),
+        create(
+          "dl",
+          {},
+          ...rows.flatMap(([keys, text]) => [create("dt", {}, keys), create("dd", {}, text)]),
+        ),
       ),
     );
     byId("help-sections").append(...sections);

@@ -13,7 +13,10 @@ export interface Sample {
 const kFrames = 600;
 const kBytes = 128 * 1024 * 1024;
 
-/** Bounded by number and by size: the oldest goes first. Numbers of samples go on rising, so that a place stays a place. */
+/**
+ * Bounded by number and by size: the oldest goes first. Numbers of samples go on rising, so that a
+ * place stays a place.
+ */
 export class History {
   private readonly samples: (Sample | undefined)[];
   private end = 0;
@@ -51,7 +54,9 @@ export class History {
 
   /** The sample of this number, while it is kept. */
   at(number: number): Sample | undefined {
-    return number >= this.begin && number < this.end ? this.samples[number % this.capacity] : undefined;
+    return number >= this.begin && number < this.end
+      ? this.samples[number % this.capacity]
+      : undefined;
   }
 
   clear(): void {

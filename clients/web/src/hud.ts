@@ -44,7 +44,10 @@ export class Hud {
     // Beside the tip, on its left where there is no room on its right.
     const right = at.x + kOffsetPx;
     const left = at.x - kOffsetPx - kWidthPx;
-    const x = Math.max(8, right + kWidthPx > area.clientWidth ? Math.min(left, area.clientWidth - kWidthPx) : right);
+    const x = Math.max(
+      8,
+      right + kWidthPx > area.clientWidth ? Math.min(left, area.clientWidth - kWidthPx) : right,
+    );
     const y = Math.min(area.clientHeight - kHeightPx, Math.max(8, at.y - kHeightPx / 2));
     this.root.style.transform = `translate(${Math.round(x)}px, ${Math.round(y)}px)`;
   }

@@ -1,4 +1,5 @@
-// Which key does what. Keys that are typed into a field, or that work a focused control, stay with it.
+// Which key does what. Keys that are typed into a field, or that work a focused control, stay with
+// it.
 
 import type { Toggle } from "./display";
 import type { AxisView } from "./scene3d";

@@ -25,7 +25,12 @@ export class Legend {
     }
     this.root.append(
       this.title,
-      create("div", { className: "legend-body" }, this.scale, create("div", { className: "legend-ends" }, this.max, this.min)),
+      create(
+        "div",
+        { className: "legend-body" },
+        this.scale,
+        create("div", { className: "legend-ends" }, this.max, this.min),
+      ),
       this.swatches,
     );
   }

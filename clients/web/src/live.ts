@@ -1,17 +1,16 @@
 // A live session: connection, session, control of a tool, and the history one steps back through.
 
 import { Connection, webSocketUrl, type ConnectionState } from "./connection";
-import { Driving } from "./driving";
-import { cloneTarget } from "./driving_math";
+import type { Driving } from "./driving";
 import type { Topology } from "./gen/adhesim/v1/frame_pb";
 import { SessionState, type Heartbeat } from "./gen/adhesim/v1/status_pb";
 import { History, type Sample } from "./history";
 import { recordError } from "./hooks";
 import type { Mode } from "./mode";
-import { Operator } from "./operator";
 import { SessionClient } from "./session";
 import type { Shell } from "./shell";
 import { ServiceError, Streams } from "./streams";
+import { ToolControl } from "./tool_control";
 import type { TransportState } from "./transport";
 
 export class Live implements Mode {
@@ -24,7 +23,7 @@ export class Live implements Mode {
   onConnected: () => void = () => {};
 
   private readonly connection: Connection;
-  private readonly operator: Operator;
+  private readonly control: ToolControl;
   private readonly history = new History();
   private pending?: Sample;
   /** Number of the sample that is shown from the history. */
@@ -36,7 +35,7 @@ export class Live implements Mode {
 
   constructor(
     private readonly shell: Shell,
-    private readonly driving: Driving,
+    driving: Driving,
     wanted: { session?: string; scene?: string },
   ) {
     this.connection = new Connection(webSocketUrl(location), {
@@ -51,17 +50,16 @@ export class Live implements Mode {
       onError: recordError,
     });
     this.streams = new Streams((message) => this.connection.send(message));
-    this.operator = new Operator(this.streams);
+    this.control = new ToolControl(shell, driving, this.streams);
+    this.control.onTaken = (tool) => {
+      if (!this.operatedTools.includes(tool)) this.operatedTools.push(tool);
+    };
     this.session = new SessionClient(this.streams, wanted, {
       onTopology: (topology) => this.topologyArrived(topology),
       onSample: (sample) => this.sampleArrived(sample),
       onHeartbeat: (heartbeat) => this.heartbeatArrived(heartbeat),
       onProblem: (problem) => shell.banner.set("session", problem, "error"),
     });
-    driving.onTarget = (target) => {
-      this.operator.setTarget(target);
-      shell.view.localTarget = { tool: driving.tool, ...cloneTarget(target) };
-    };
   }
 
   open(): void {
@@ -84,7 +82,7 @@ export class Live implements Mode {
   }
 
   get role(): "controller" | "spectator" | "viewer" {
-    if (this.driving.driving) return "controller";
+    if (this.control.held) return "controller";
     return this.operatedTools.length > 0 ? "spectator" : "viewer";
   }
 
@@ -94,11 +92,11 @@ export class Live implements Mode {
   }
 
   tick(): void {
-    this.operator.flush();
+    this.control.flush();
     if (this.pending && this.past === undefined) {
       const sample = this.pending;
       this.pending = undefined;
-      this.driving.felt(sample.frame.tools[this.driving.tool]);
+      this.control.felt(sample);
       this.shell.show(sample);
       const budgetS = this.shell.rateHz > 0 ? 1 / this.shell.rateHz : 0;
       this.shell.plots.add(sample.timeS, sample.frame, this.shell.selectedTool, budgetS);
@@ -142,7 +140,8 @@ export class Live implements Mode {
 
   back(): void {
     // Time stands still while one looks back, as far as one may stop it.
-    if (this.past === undefined && this.running && this.mayControl) this.attempt(() => this.session.pause());
+    if (this.past === undefined && this.running && this.mayControl)
+      this.attempt(() => this.session.pause());
     this.showPast((this.past ?? this.history.newest) - 1);
   }
 
@@ -153,43 +152,16 @@ export class Live implements Mode {
 
   /** Takes the tool, or gives it back. */
   toggleGrab(tool = this.shell.selectedTool): void {
-    if (this.driving.driving) this.release();
-    else this.grab(tool);
+    if (this.control.held) {
+      this.release();
+    } else if (this.session.id !== undefined) {
+      this.returnToNow();
+      this.control.take(this.session.id, tool);
+    }
   }
 
   release(): void {
-    if (!this.driving.driving) return;
-    this.operator.release();
-    this.letGo();
-  }
-
-  private grab(tool: number): void {
-    const name = this.shell.view.content?.topology.tools[tool]?.name;
-    if (name === undefined || this.session.id === undefined) return;
-    this.returnToNow();
-    this.shell.selectTool(tool);
-    this.operator.take(this.session.id, name, {
-      onTaken: (state) => {
-        this.shell.banner.set("control", undefined);
-        this.driving.begin(tool, state);
-        this.shell.view.content?.tools.markHeld(tool);
-        this.shell.scene3d.invalidate();
-      },
-      onPoseRefused: (message) => this.shell.banner.set("control", message, "warning", 4000),
-      onEnd: (error) => {
-        this.letGo();
-        if (!error) return;
-        if (error.reason === "TOOL_TAKEN" && !this.operatedTools.includes(name)) this.operatedTools.push(name);
-        this.shell.banner.set("control", `Control of ${name} refused or lost: ${error.message}`, "warning", 6000);
-      },
-    });
-  }
-
-  private letGo(): void {
-    this.driving.end();
-    this.shell.view.localTarget = undefined;
-    this.shell.view.content?.tools.markHeld(-1);
-    this.shell.view.applyDisplay();
+    this.control.release();
   }
 
   private showPast(number: number): void {
@@ -204,7 +176,11 @@ export class Live implements Mode {
     this.shell.show(sample);
     const newest = this.history.at(this.history.newest)!;
     const ago = (newest.timeS - sample.timeS).toFixed(3);
-    this.shell.banner.set("history", `Looking back: step ${sample.step}, ${ago} s ago. Space returns to now.`, "info");
+    this.shell.banner.set(
+      "history",
+      `Looking back: step ${sample.step}, ${ago} s ago. Space returns to now.`,
+      "info",
+    );
   }
 
   private returnToNow(): void {
@@ -242,7 +218,7 @@ export class Live implements Mode {
     this.lastStep = -1;
     this.pending = undefined;
     this.shell.setTopology(topology);
-    if (this.driving.driving) this.shell.view.content?.tools.markHeld(this.driving.tool);
+    this.control.markHeld();
   }
 
   private sampleArrived(sample: Sample): void {
@@ -255,7 +231,7 @@ export class Live implements Mode {
     }
     this.lastStep = sample.step;
     this.history.push(sample);
-    this.shell.collect(sample);
+    this.shell.collect(sample.frame.tools, sample.timeS);
     this.shell.realTime.add(sample.timeS, performance.now());
     this.timing = {
       misses: Number(sample.frame.deadlineMisses),
@@ -269,9 +245,17 @@ export class Live implements Mode {
     this.viewers = heartbeat.viewers;
     this.operatedTools = heartbeat.operatedTools;
     if (heartbeat.state === SessionState.FROZEN) {
-      this.shell.banner.set("session", "The session is frozen: a value became non-finite. Reset it to go on.", "error");
+      this.shell.banner.set(
+        "session",
+        "The session is frozen: a value became non-finite. Reset it to go on.",
+        "error",
+      );
     } else if (heartbeat.draining) {
-      this.shell.banner.set("session", "The server is going away; the session ends soon.", "warning");
+      this.shell.banner.set(
+        "session",
+        "The server is going away; the session ends soon.",
+        "warning",
+      );
     } else {
       this.shell.banner.set("session", undefined);
     }

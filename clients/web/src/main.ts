@@ -39,7 +39,9 @@ window.addEventListener("unhandledrejection", (event) => recordError(event.reaso
 
 const shell = new Shell(scene3d, hooks);
 const theme = new Theme(parameters.theme, () => {
-  scene3d.setBackground(getComputedStyle(document.documentElement).getPropertyValue("--view").trim());
+  scene3d.setBackground(
+    getComputedStyle(document.documentElement).getPropertyValue("--view").trim(),
+  );
   shell.plots.redraw();
 });
 const driving = new Driving(scene3d, canvas);
@@ -76,7 +78,11 @@ function showLive(wanted: { session?: string; scene?: string }): void {
   void live.session.attach(wanted);
 }
 
-async function showRecording(source: Promise<ByteSource> | ByteSource, name: string, atS?: number): Promise<void> {
+async function showRecording(
+  source: Promise<ByteSource> | ByteSource,
+  name: string,
+  atS?: number,
+): Promise<void> {
   live.setActive(false);
   if (await playback.load(source, name, atS)) mode = playback;
   else if (!playback.open) live.setActive(true);
@@ -110,7 +116,10 @@ async function screenshot(): Promise<void> {
 
 // A press that does not move is a click: on a tool it selects, on tissue it asks for numbers.
 let pressed: { x: number; y: number } | undefined;
-canvas.addEventListener("pointerdown", (event) => (pressed = { x: event.offsetX, y: event.offsetY }));
+canvas.addEventListener(
+  "pointerdown",
+  (event) => (pressed = { x: event.offsetX, y: event.offsetY }),
+);
 canvas.addEventListener("pointerup", (event) => {
   const moved = pressed && Math.hypot(event.offsetX - pressed.x, event.offsetY - pressed.y);
   if (event.button !== 0 || moved === undefined || moved > kClickPx || driving.driving) return;
@@ -127,7 +136,10 @@ canvas.addEventListener("dblclick", (event) => {
 });
 
 function pickAt(event: MouseEvent): ReturnType<typeof shell.view.pick> {
-  return shell.view.pick((2 * event.offsetX) / canvas.clientWidth - 1, 1 - (2 * event.offsetY) / canvas.clientHeight);
+  return shell.view.pick(
+    (2 * event.offsetX) / canvas.clientWidth - 1,
+    1 - (2 * event.offsetY) / canvas.clientHeight,
+  );
 }
 
 listenToKeys({
@@ -177,9 +189,11 @@ function writeReadouts(): void {
 }
 
 function roster(): string {
+  if (mode === playback) return playback.name;
   if (live.connectionState !== "connected") return live.connectionState;
   const viewers = `${live.viewers} viewer${live.viewers === 1 ? "" : "s"}`;
-  const others = live.role === "spectator" ? `, ${live.operatedTools.join(", ")} driven by someone else` : "";
+  const others =
+    live.role === "spectator" ? `, ${live.operatedTools.join(", ")} driven by someone else` : "";
   return `${live.role} · ${viewers}${others}`;
 }
 

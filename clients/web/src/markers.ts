@@ -52,7 +52,9 @@ export class Markers {
     position: BufferAttribute,
     private readonly particles: Particles,
   ) {
-    this.zoneColours = new BufferAttribute(new Float32Array(3 * particles.count), 3).setUsage(DynamicDrawUsage);
+    this.zoneColours = new BufferAttribute(new Float32Array(3 * particles.count), 3).setUsage(
+      DynamicDrawUsage,
+    );
     this.zones = new Dots(position, 9, 0xffffff, this.zoneColours);
     this.contacts = new Dots(position, 5, kContactColour);
     this.contacts.points.renderOrder = 2;
@@ -64,12 +66,14 @@ export class Markers {
   show(what: { contacts: boolean; zones: boolean; forces: boolean }): void {
     this.contacts.points.visible = what.contacts;
     this.zones.points.visible = what.zones;
-    for (const mesh of [...this.contactArrows.meshes, ...this.toolArrows.meshes]) mesh.visible = what.forces;
+    for (const mesh of [...this.contactArrows.meshes, ...this.toolArrows.meshes])
+      mesh.visible = what.forces;
   }
 
   update(tools: readonly ToolState[], settings: ArrowSettings): void {
     const { particles } = this;
-    if (this.contacts.points.visible) this.contacts.set(particles.contactParticle, particles.contactCount);
+    if (this.contacts.points.visible)
+      this.contacts.set(particles.contactParticle, particles.contactCount);
     if (this.zones.points.visible) this.updateZones();
     if (!this.toolArrows.meshes[0].visible) return;
     this.updateContactArrows(settings);
@@ -77,7 +81,12 @@ export class Markers {
     for (const { pose, tissue } of tools) {
       if (!pose || !tissue) continue;
       this.from.set(pose.xM, pose.yM, pose.zM);
-      this.toolArrows.add(this.from, this.force.set(tissue.fxN, tissue.fyN, tissue.fzN), settings, 2);
+      this.toolArrows.add(
+        this.from,
+        this.force.set(tissue.fxN, tissue.fyN, tissue.fzN),
+        settings,
+        2,
+      );
     }
     this.toolArrows.end();
   }
@@ -109,7 +118,8 @@ export class Markers {
     const { particles } = this;
     const strength = (c: number) => particles.contactForceN[particles.contactParticle[c]];
     this.contactArrows.begin();
-    if (this.order.length < particles.contactCount) this.order = new Uint32Array(2 * particles.contactCount);
+    if (this.order.length < particles.contactCount)
+      this.order = new Uint32Array(2 * particles.contactCount);
     for (let c = 0; c < particles.contactCount; c++) this.order[c] = c;
     const order = this.order.subarray(0, particles.contactCount);
     // More than can be drawn: the greatest ones.
@@ -130,7 +140,12 @@ class Dots {
   private readonly index: BufferAttribute;
   private count = 0;
 
-  constructor(position: BufferAttribute, sizePx: number, colour: number, colours?: BufferAttribute) {
+  constructor(
+    position: BufferAttribute,
+    sizePx: number,
+    colour: number,
+    colours?: BufferAttribute,
+  ) {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", position);
     if (colours) geometry.setAttribute("color", colours);

@@ -1,6 +1,9 @@
-// Smooth normals of an indexed surface: each vertex's is the sum of its triangles' area vectors, normalised.
+// Smooth normals of an indexed surface: each vertex's is the sum of its triangles' area vectors,
+// normalised.
 
-/** Writes `normals` [3 x #vertices]; vertices of no triangle keep a zero normal. Allocates nothing. */
+/**
+ * Writes `normals` [3 x #vertices]; vertices of no triangle keep a zero normal. Allocates nothing.
+ */
 export function computeNormals(
   position: Float32Array,
   triangles: Uint32Array,
@@ -37,7 +40,8 @@ export function computeNormals(
     const x = normals[i];
     const y = normals[i + 1];
     const z = normals[i + 2];
-    // Area vectors of millimetre triangles are about 1e-6 m^2; float32 squares of them are still normal numbers.
+    // Area vectors of millimetre triangles are about 1e-6 m^2; float32 squares of them are still
+    // normal numbers.
     const length = Math.sqrt(x * x + y * y + z * z);
     if (length > 0) {
       normals[i] = x / length;

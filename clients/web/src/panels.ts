@@ -21,9 +21,15 @@ export class SceneTree {
   build({ topology, tissue, tools }: Content): void {
     this.boxes = [];
     const bodies = topology.bodies.map((body, index) =>
-      this.row(`${body.name}`, `${index + 1}`, bodyColour(body, index), (on) => tissue.setVisible(index, on), {
-        title: `${body.particles} particles, ${body.triangles} triangles${body.rigid ? ", rigid" : ""}`,
-      }),
+      this.row(
+        `${body.name}`,
+        `${index + 1}`,
+        bodyColour(body, index),
+        (on) => tissue.setVisible(index, on),
+        {
+          title: `${body.particles} particles, ${body.triangles} triangles${body.rigid ? ", rigid" : ""}`,
+        },
+      ),
     );
     const toolRows = topology.tools.map((tool, index) =>
       this.row(tool.name, "", "#9aa6b2", (on) => tools.setVisible(index, on), {
@@ -31,7 +37,9 @@ export class SceneTree {
         onName: () => this.onSelectTool(index),
       }),
     );
-    const effects = topology.effects.map((name) => create("li", { className: "effect" }, name.replaceAll("_", " ")));
+    const effects = topology.effects.map((name) =>
+      create("li", { className: "effect" }, name.replaceAll("_", " ")),
+    );
     this.root.replaceChildren(
       ...section("Bodies", bodies),
       ...section("Tools", toolRows),
@@ -92,7 +100,18 @@ export class ToolPanel {
 
   constructor(onGrab: () => void) {
     const list = byId("tool-values");
-    const names = ["state", "force", "axial", "torque", "depth", "contact", "tip", "max force", "path", "in contact"];
+    const names = [
+      "state",
+      "force",
+      "axial",
+      "torque",
+      "depth",
+      "contact",
+      "tip",
+      "max force",
+      "path",
+      "in contact",
+    ];
     for (const name of names) {
       const value = create("dd", {}, "–");
       this.values.set(name, value);
@@ -142,7 +161,9 @@ export class PickPanel {
     this.root.hidden = !content || p === undefined || p >= content.particles.count;
     if (this.root.hidden) return;
     const { particles, topology } = content!;
-    const body = topology.bodies.find((b) => p! >= b.firstParticle && p! < b.firstParticle + b.particles);
+    const body = topology.bodies.find(
+      (b) => p! >= b.firstParticle && p! < b.firstParticle + b.particles,
+    );
     const at = [0, 1, 2].map((axis) => fixed(particles.position[3 * p! + axis] * 1000, 1));
     const rows = [
       `${body?.name ?? "?"}, particle ${p}`,
@@ -151,7 +172,8 @@ export class PickPanel {
       `contact force ${newtons(particles.contactForceN[p!])}`,
       particles.zone[p!] < 0 ? "in no zone" : `zone ${particles.zone[p!]}`,
     ];
-    if (particles.hasStrainEnergy) rows.push(`strain energy ${short(particles.strainEnergyJ[p!])} J`);
+    if (particles.hasStrainEnergy)
+      rows.push(`strain energy ${short(particles.strainEnergyJ[p!])} J`);
     setText(this.root, rows.join("\n"));
   }
 }

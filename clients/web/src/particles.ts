@@ -1,7 +1,9 @@
-// What a frame says about particles, in arrays that live as long as the scene: nothing is allocated per frame.
+// What a frame says about particles, in arrays that live as long as the scene: nothing is allocated
+// per frame.
 //
-// `bytes` fields are views into the received message and start at any offset, so a typed array cannot be laid over them;
-// they are copied bytewise into arrays that are aligned. Frames are little-endian, as is every browser's machine.
+// `bytes` fields are views into the received message and start at any offset, so a typed array
+// cannot be laid over them; they are copied bytewise into arrays that are aligned. Frames are
+// little-endian, as is every browser's machine.
 
 import { PositionEncoding, type Frame, type Topology } from "./gen/adhesim/v1/frame_pb";
 
@@ -53,7 +55,9 @@ export class Particles {
     this.position.set(this.rest);
   }
 
-  /** Takes a frame over. Throws, before anything changes, when a field does not fit the topology. */
+  /**
+   * Takes a frame over. Throws, before anything changes, when a field does not fit the topology.
+   */
   update(frame: Frame): void {
     const n = this.count;
     const q16 = frame.encoding === PositionEncoding.Q16;
@@ -100,7 +104,9 @@ export class Particles {
 
   private readableContacts(bytes: Uint8Array): DataView {
     if (bytes.length % kContactBytes !== 0 || bytes.length > kContactBytes * this.count) {
-      throw new Error(`contact_forces has ${bytes.length} bytes; ${kContactBytes} a particle in contact`);
+      throw new Error(
+        `contact_forces has ${bytes.length} bytes; ${kContactBytes} a particle in contact`,
+      );
     }
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     for (let offset = 0; offset < bytes.length; offset += kContactBytes) {
@@ -133,7 +139,8 @@ export class Particles {
 /** The triangles of a topology: three particles each. Throws when they do not fit. */
 export function readTriangles(topology: Topology): Uint32Array<ArrayBuffer> {
   const bytes = topology.triangles;
-  if (bytes.length % 12 !== 0) throw new Error(`triangles has ${bytes.length} bytes; 12 a triangle`);
+  if (bytes.length % 12 !== 0)
+    throw new Error(`triangles has ${bytes.length} bytes; 12 a triangle`);
   const triangles = new Uint32Array(bytes.length / 4);
   new Uint8Array(triangles.buffer).set(bytes);
   for (const particle of triangles) {

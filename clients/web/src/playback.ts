@@ -8,14 +8,17 @@ import { EventKind, EventSchema, ToolForcesSchema } from "./gen/adhesim/v1/recor
 import { WatchResponseSchema } from "./gen/adhesim/v1/view_service_pb";
 import type { Mode } from "./mode";
 import { kRecordingRows, Plots } from "./plots";
-import { RecordingFile, type RecordedFrame } from "./recording_file";
+import { inWords, RecordingFile, type RecordedFrame } from "./recording_file";
 import type { Shell } from "./shell";
 import type { TransportState } from "./transport";
+
+// Reading everything shares the page with drawing.
+const kSliceMs = 10;
 
 export class Playback implements Mode {
   speed = 1;
   private file?: RecordingFile;
-  private name = "";
+  name = "";
   private running = false;
   /** Time that is shown or on its way, ns since the recording began. */
   private atNs = 0n;
@@ -36,8 +39,15 @@ export class Playback implements Mode {
     return this.file !== undefined;
   }
 
-  /** Opens a recording and shows its first frame, or that of a time. False, with a banner, when it cannot be read. */
-  async load(source: Promise<ByteSource> | ByteSource, name: string, atS?: number): Promise<boolean> {
+  /**
+   * Opens a recording and shows its first frame, or that of a time. False, with a banner, when it
+   * cannot be read.
+   */
+  async load(
+    source: Promise<ByteSource> | ByteSource,
+    name: string,
+    atS?: number,
+  ): Promise<boolean> {
     try {
       const file = await RecordingFile.open(await source);
       this.shell.setTopology(file.topology);
@@ -54,7 +64,7 @@ export class Playback implements Mode {
       void this.scan(file);
       return true;
     } catch (error) {
-      this.shell.banner.set("recording", `Cannot open ${name}: ${(error as Error).message}`, "error");
+      this.shell.banner.set("recording", `Cannot open ${name}: ${inWords(error)}`, "error");
       return false;
     }
   }
@@ -84,12 +94,15 @@ export class Playback implements Mode {
   }
 
   tick(nowMs: number): void {
-    const passedMs = nowMs - this.lastMs;
+    if (!this.file || !this.running) {
+      this.lastMs = nowMs;
+      return;
+    }
+    // What passes while a frame is read is made up for; a page that was hidden does not leap.
+    if (this.busy) return;
+    const passedMs = Math.min(500, nowMs - this.lastMs);
     this.lastMs = nowMs;
-    if (!this.file || !this.running || this.busy) return;
-    // A page that was hidden does not leap.
-    const step = BigInt(Math.round(Math.min(250, passedMs) * 1e6 * this.speed));
-    this.seek(this.atNs + step);
+    this.seek(this.atNs + BigInt(Math.round(passedMs * 1e6 * this.speed)));
     if (this.atNs >= this.file.endNs) this.running = false;
   }
 
@@ -139,7 +152,7 @@ export class Playback implements Mode {
   // One read at a time, and then the newest place that was asked for meanwhile.
   private async follow(): Promise<void> {
     if (this.busy) return;
-    for (let done = -1n; done !== this.atNs; ) {
+    for (let done = -1n; done !== this.atNs;) {
       done = this.atNs;
       await this.fetch((file) => file.frameAt(done), true);
     }
@@ -157,7 +170,11 @@ export class Playback implements Mode {
       if (file === this.file && frame && frame.timeNs !== this.shownNs) this.show(frame, follows);
     } catch (error) {
       this.running = false;
-      this.shell.banner.set("recording", `Cannot read ${this.name} here: ${(error as Error).message}`, "error");
+      this.shell.banner.set(
+        "recording",
+        `Cannot read ${this.name} here: ${inWords(error)}`,
+        "error",
+      );
     } finally {
       this.busy = false;
     }
@@ -166,7 +183,8 @@ export class Playback implements Mode {
   private show(frame: RecordedFrame | undefined, follows = false): void {
     if (!frame || frame.message.response.case !== "frame") return;
     this.shownNs = frame.timeNs;
-    // A frame that follows a place asked for does not move that place, which may be further on already.
+    // A frame that follows a place asked for does not move that place, which may be further on
+    // already.
     if (!follows) this.atNs = frame.timeNs;
     this.frame = frame.message.response.value;
     const { session, step, timeS } = frame.message;
@@ -194,9 +212,13 @@ export class Playback implements Mode {
     const budgetS = this.shell.rateHz > 0 ? 1 / this.shell.rateHz : 0;
     let stepDurationS = 0;
     let nextNs = 0n;
-    let sliceEnd = performance.now() + 8;
+    let sliceEnd = performance.now() + kSliceMs;
     try {
-      for await (const { topic, timeNs, data } of file.messages(["/forces", "/frames", "/events"])) {
+      for await (const { topic, timeNs, data } of file.messages([
+        "/forces",
+        "/frames",
+        "/events",
+      ])) {
         if (file !== this.file) return;
         if (topic === "/frames") {
           const { response } = fromBinary(WatchResponseSchema, data);
@@ -208,16 +230,19 @@ export class Playback implements Mode {
           const { tools } = fromBinary(ToolForcesSchema, data);
           const tool = this.shell.selectedTool;
           Plots.row(rows, Number(timeNs) / 1e9, { tools, stepDurationS }, tool, budgetS);
+          this.shell.collect(tools, Number(timeNs) / 1e9);
         }
         if (performance.now() > sliceEnd) {
-          await nextAnimationFrame();
-          sliceEnd = performance.now() + 8;
+          await nextTask();
+          sliceEnd = performance.now() + kSliceMs;
         }
       }
     } catch (error) {
-      this.shell.banner.set("recording", `${this.name} is damaged: ${(error as Error).message}`, "warning");
+      this.shell.banner.set("recording", `${this.name} is damaged: ${inWords(error)}`, "warning");
     }
-    if (file === this.file) this.shell.plots.show(rows);
+    if (file !== this.file) return;
+    this.shell.plots.show(rows);
+    this.shell.rewrite();
   }
 
   private addTick(file: RecordingFile, timeNs: bigint, data: Uint8Array): void {
@@ -227,11 +252,18 @@ export class Playback implements Mode {
     const event = fromBinary(EventSchema, data);
     const at = Number(timeNs - file.startNs) / Math.max(1, Number(file.endNs - file.startNs));
     const kind = EventKind[event.kind]?.toLowerCase().replaceAll("_", " ") ?? "event";
-    const tick = create("span", { className: "tick", title: `${(Number(timeNs) / 1e9).toFixed(2)} s: ${event.text || kind}` });
+    const tick = create("span", {
+      className: "tick",
+      title: `${(Number(timeNs) / 1e9).toFixed(2)} s: ${event.text || kind}`,
+    });
     tick.dataset.kind = kind;
     tick.style.left = `${(100 * at).toFixed(2)}%`;
     ticks.append(tick);
   }
+}
+
+function nextTask(): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, 0));
 }
 
 function nextAnimationFrame(): Promise<number> {

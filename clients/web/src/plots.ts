@@ -10,8 +10,8 @@ import { Series } from "./series";
 // 30 s at 20 Hz, and the quarter that makes room.
 const kRows = 800;
 const kWindowS = 30;
-// A recording's plots: as many rows as anyone can see on a wide screen.
-export const kRecordingRows = 20000;
+// A recording's plots: several rows for each pixel of a wide screen.
+export const kRecordingRows = 6000;
 
 interface Line {
   label: string;
@@ -37,7 +37,13 @@ const kSpecs: Spec[] = [
       { label: "axial", colour: "--plot-2" },
     ],
   },
-  { id: "plot-depth", title: "depth, mm", unit: "mm", decimals: 1, lines: [{ label: "depth", colour: "--plot-3" }] },
+  {
+    id: "plot-depth",
+    title: "depth, mm",
+    unit: "mm",
+    decimals: 1,
+    lines: [{ label: "depth", colour: "--plot-3" }],
+  },
   {
     id: "plot-step",
     title: "step time, µs",
@@ -69,7 +75,13 @@ export class Plots {
     return new Series(6, rows);
   }
 
-  static row(series: Series, timeS: number, frame: Pick<Frame, "tools" | "stepDurationS">, tool: number, budgetS: number): void {
+  static row(
+    series: Series,
+    timeS: number,
+    frame: Pick<Frame, "tools" | "stepDurationS">,
+    tool: number,
+    budgetS: number,
+  ): void {
     const state = frame.tools[tool];
     series.push(
       timeS,
@@ -114,7 +126,8 @@ export class Plots {
       [time, depth],
       [time, step, budget],
     ];
-    for (const [i, plot] of this.plots.entries()) plot.setData(data[i] as unknown as uPlot.AlignedData);
+    for (const [i, plot] of this.plots.entries())
+      plot.setData(data[i] as unknown as uPlot.AlignedData);
   }
 
   /** The colours of the theme have changed. */
@@ -148,7 +161,13 @@ export class Plots {
         y: { range: (_, min, max) => valueRange(min, max) },
       },
       axes: [
-        { ...axis, size: 20, gap: 2, space: 70, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))}`) },
+        {
+          ...axis,
+          size: 20,
+          gap: 2,
+          space: 70,
+          values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))}`),
+        },
         { ...axis, size: 44, gap: 3, space: 22 },
       ],
       series: [
@@ -158,7 +177,8 @@ export class Plots {
           stroke: () => themeColour(colour),
           width: 1.25,
           points: { show: false },
-          value: (_: uPlot, value: number | null) => (value === null ? "" : fixed(value, spec.decimals)),
+          value: (_: uPlot, value: number | null) =>
+            value === null ? "" : fixed(value, spec.decimals),
         })),
       ],
       hooks: { draw: [(plot) => this.drawCursor(plot)] },
@@ -198,7 +218,10 @@ function valueRange(min: number | null, max: number | null): [number, number] {
 
 function plotSize(parent: HTMLElement): { width: number; height: number } {
   // The title and the legend share the plot's first line.
-  return { width: Math.max(60, parent.clientWidth), height: Math.max(60, parent.clientHeight - 20) };
+  return {
+    width: Math.max(60, parent.clientWidth),
+    height: Math.max(60, parent.clientHeight - 20),
+  };
 }
 
 const kStyle = getComputedStyle(document.documentElement);

@@ -1,5 +1,6 @@
-// A recording (MCAP): frames by time, and everything else in order. Complete files are read through their index, a piece at
-// a time; a file whose writer was stopped has none and is read through once, up to its last whole record.
+// A recording (MCAP): frames by time, and everything else in order. Complete files are read through
+// their index, a piece at a time; a file whose writer was stopped has none and is read through
+// once, up to its last whole record.
 
 import { fromBinary } from "@bufbuild/protobuf";
 import { McapIndexedReader, McapStreamReader } from "@mcap/core";
@@ -93,14 +94,18 @@ export class RecordingFile {
 class ForeignFile extends Error {}
 
 function read(message: RecordedMessage | undefined): RecordedFrame | undefined {
-  return message && { timeNs: message.timeNs, message: fromBinary(WatchResponseSchema, message.data) };
+  return (
+    message && { timeNs: message.timeNs, message: fromBinary(WatchResponseSchema, message.data) }
+  );
 }
 
 async function expectMagic(source: ByteSource): Promise<void> {
   const size = await source.size();
   const head = await source.read(0n, size < 8n ? size : 8n);
   if (head.length < 8 || kMagic.some((byte, i) => head[i] !== byte)) {
-    throw new ForeignFile(size === 0n ? "The file is empty." : "This is not a recording: it is no MCAP file.");
+    throw new ForeignFile(
+      size === 0n ? "The file is empty." : "This is not a recording: it is no MCAP file.",
+    );
   }
 }
 
@@ -108,11 +113,16 @@ function expectFrames(channels: Iterable<{ topic: string; schema?: string }>): v
   for (const { topic, schema } of channels) {
     if (topic === kFrames && schema === kFrameSchema) return;
   }
-  throw new ForeignFile(`This MCAP file is not a recording of adhesim: it has no channel ${kFrames} of ${kFrameSchema}.`);
+  throw new ForeignFile(
+    `This MCAP file is not a recording of adhesim: it has no channel ${kFrames} of ${kFrameSchema}.`,
+  );
 }
 
 async function indexedStore(source: ByteSource): Promise<Store> {
-  const reader = await McapIndexedReader.Initialize({ readable: source, messageIndexCacheSizeBytes: 16 << 20 });
+  const reader = await McapIndexedReader.Initialize({
+    readable: source,
+    messageIndexCacheSizeBytes: 16 << 20,
+  });
   expectFrames(
     [...reader.channelsById.values()].map(({ topic, schemaId }) => ({
       topic,
@@ -121,13 +131,18 @@ async function indexedStore(source: ByteSource): Promise<Store> {
   );
   if (reader.chunkIndexes.length === 0) throw new Error("no chunks");
   const topics = new Map([...reader.channelsById.values()].map(({ id, topic }) => [id, topic]));
-  const message = (record: { channelId: number; logTime: bigint; data: Uint8Array }): RecordedMessage => ({
+  const message = (record: {
+    channelId: number;
+    logTime: bigint;
+    data: Uint8Array;
+  }): RecordedMessage => ({
     topic: topics.get(record.channelId) ?? "",
     timeNs: record.logTime,
     data: record.data,
   });
   const first = async (args: Parameters<typeof reader.readMessages>[0]) => {
-    for await (const record of reader.readMessages({ topics: [kFrames], ...args })) return message(record);
+    for await (const record of reader.readMessages({ topics: [kFrames], ...args }))
+      return message(record);
     return undefined;
   };
   const [startNs, endNs] = [reader.statistics!.messageStartTime, reader.statistics!.messageEndTime];
@@ -156,25 +171,39 @@ async function readThrough(source: ByteSource): Promise<[Store, string]> {
     const piece = await source.read(offset, length);
     try {
       reader.append(piece);
-      for (let record; (record = reader.nextRecord()); ) {
+      for (let record; (record = reader.nextRecord());) {
         if (record.type === "Schema") schemas.set(record.id, record.name);
         else if (record.type === "Channel") channels.set(record.id, record);
         else if (record.type === "Message") {
           // The reader uses its buffer again.
           const data = record.data.slice();
           bytes += data.length;
-          kept.push({ topic: channels.get(record.channelId)?.topic ?? "", timeNs: record.logTime, data });
+          kept.push({
+            topic: channels.get(record.channelId)?.topic ?? "",
+            timeNs: record.logTime,
+            data,
+          });
         }
       }
     } catch (error) {
-      damage = `It is damaged: ${(error as Error).message}. `;
+      damage = `This recording is damaged: ${inWords(error)}.`;
     }
-    if (bytes > kUnindexedBytes) damage = "It is too large to be read without its index. ";
+    if (bytes > kUnindexedBytes)
+      damage = "This recording was not finished and is too large to be read without its index.";
   }
-  expectFrames([...channels.values()].map(({ topic, schemaId }) => ({ topic, schema: schemas.get(schemaId) })));
+  expectFrames(
+    [...channels.values()].map(({ topic, schemaId }) => ({ topic, schema: schemas.get(schemaId) })),
+  );
   const store = memoryStore(kept);
   const until = (Number(store.endNs) / 1e9).toFixed(2);
-  return [store, `This recording was not finished. ${damage}Shown up to its last whole record, at ${until} s.`];
+  const what = damage || "This recording was not finished.";
+  return [store, `${what} Shown up to its last whole record, at ${until} s.`];
+}
+
+/** What the reader says, without the name of the program that wrote the file. */
+export function inWords(error: unknown): string {
+  const text = error instanceof Error ? error.message : String(error);
+  return text.replace(/ \[library=.*\]$/, "");
 }
 
 function memoryStore(kept: RecordedMessage[]): Store {

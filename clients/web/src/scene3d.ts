@@ -25,7 +25,10 @@ export class Scene3d {
   readonly controls: OrbitControls;
   /** Called after the camera moved or the canvas was resized. */
   onView: () => void = () => {};
-  /** Called with a sentence when the browser takes the graphics away, and with nothing when it gives them back. */
+  /**
+   * Called with a sentence when the browser takes the graphics away, and with nothing when it gives
+   * them back.
+   */
   onContext: (problem?: string) => void = () => {};
 
   private dirty = true;
@@ -39,7 +42,11 @@ export class Scene3d {
   ) {
     const software = quality === "auto" && rendersInSoftware();
     // Drawing in software costs time by the pixel: no smoothing and no extra pixels there.
-    this.renderer = new WebGLRenderer({ canvas, antialias: !software, powerPreference: "high-performance" });
+    this.renderer = new WebGLRenderer({
+      canvas,
+      antialias: !software,
+      powerPreference: "high-performance",
+    });
     this.renderer.setPixelRatio(software ? 1 : Math.min(2, window.devicePixelRatio));
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
@@ -159,7 +166,8 @@ export class Scene3d {
   }
 
   private addLights(): void {
-    // Mostly from all around, so that a colour keeps its legend's shade; the rest from over the viewer's left shoulder.
+    // Mostly from all around, so that a colour keeps its legend's shade; the rest from over the
+    // viewer's left shoulder.
     this.scene.add(new HemisphereLight(0xffffff, 0xb8b0a8, 1.7));
     const lamp = new DirectionalLight(0xffffff, 1.6);
     lamp.position.set(-0.5, 0.8, 1);

@@ -1,5 +1,5 @@
-// A session on the server: found or created, watched, controlled. Goes on by itself after a lost connection or an ended
-// session.
+// A session on the server: found or created, watched, controlled. Goes on by itself after a lost
+// connection or an ended session.
 
 import { SessionState, type Heartbeat, type Session } from "./gen/adhesim/v1/status_pb";
 import { FrameField, type Topology } from "./gen/adhesim/v1/frame_pb";
@@ -182,7 +182,9 @@ export class SessionClient {
   private failed(error: unknown): void {
     if (error instanceof ServiceError && error.reason === kConnectionLost) return;
     const text = error instanceof Error ? error.message : String(error);
-    this.events.onProblem(this.watch ? `The session has ended: ${text} Looking for another one.` : text);
+    this.events.onProblem(
+      this.watch ? `The session has ended: ${text} Looking for another one.` : text,
+    );
     this.watch = undefined;
     this.retry = window.setTimeout(() => void this.start(), kRetryMs);
   }

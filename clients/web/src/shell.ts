@@ -1,10 +1,11 @@
-// What every mode shares: the view with its panels, and the one path by which a frame reaches the screen.
+// What every mode shares: the view with its panels, and the one path by which a frame reaches the
+// screen.
 
 import { Banner } from "./banner";
 import { DisplayPanel, defaultDisplay } from "./display";
 import { byId, setText } from "./dom";
 import { forceN } from "./driving";
-import type { Topology } from "./gen/adhesim/v1/frame_pb";
+import type { Topology, ToolState } from "./gen/adhesim/v1/frame_pb";
 import type { Sample } from "./history";
 import { recordError, type Hooks } from "./hooks";
 import { Hud } from "./hud";
@@ -71,7 +72,10 @@ export class Shell {
     this.restart();
     this.tree.build(this.view.content!);
     setText(byId("scene-name"), topology.scene || "scene");
-    setText(byId("ground-note"), `floor: ${(this.view.content!.ground.spacingM * 1000).toPrecision(2)} mm`);
+    setText(
+      byId("ground-note"),
+      `floor: ${(this.view.content!.ground.spacingM * 1000).toPrecision(2)} mm`,
+    );
     document.title = `${topology.scene || "scene"} – adhesim`;
   }
 
@@ -82,11 +86,10 @@ export class Shell {
     this.realTime.clear();
   }
 
-  /** Frames as they come, each once, shown or not. */
-  collect(sample: Sample): void {
+  /** What tools felt, each frame or step once, shown or not. */
+  collect(tools: readonly ToolState[], timeS: number): void {
     for (const [index, metrics] of this.metrics.entries()) {
-      const tool = sample.frame.tools[index];
-      if (tool) metrics.add(tool, sample.timeS);
+      if (tools[index]) metrics.add(tools[index], timeS);
     }
   }
 
@@ -114,7 +117,8 @@ export class Shell {
     const begin = performance.now();
     if (this.scene3d.draw()) {
       this.hud.place(this.selectedTool);
-      if (this.view.sample && this.hooks.firstFrameMs === 0) this.hooks.firstFrameMs = performance.now();
+      if (this.view.sample && this.hooks.firstFrameMs === 0)
+        this.hooks.firstFrameMs = performance.now();
       this.drawn.add(++this.drawings, nowMs);
       // Drawing counts with the frame that caused it.
       this.hooks.frameMs += 0.05 * (performance.now() - begin);
@@ -134,7 +138,10 @@ export class Shell {
     const name = this.view.content?.topology.tools[tool]?.name;
     if (metrics) this.toolPanel.write(name, sample, tool, metrics);
     this.pick.write(this.view);
-    setText(byId("caption"), `${this.view.content?.topology.scene ?? ""} · ${seconds(sample.timeS)}`);
+    setText(
+      byId("caption"),
+      `${this.view.content?.topology.scene ?? ""} · ${seconds(sample.timeS)}`,
+    );
   }
 
   /** Writes even when the frame is the same: something else changed. */
@@ -150,7 +157,8 @@ export class Shell {
   }
 }
 
-// A force of 1 N is drawn about half as long as the scene is wide, in a round number of millimetres.
+// A force of 1 N is drawn about half as long as the scene is wide, in a round number of
+// millimetres.
 function niceArrow(radiusM: number): number {
   return Math.min(500, Math.max(1, Math.round((radiusM * 1000) / 2 / 5) * 5));
 }

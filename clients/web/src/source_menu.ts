@@ -28,7 +28,9 @@ export class SourceMenu {
       if (file) this.choose(() => actions.openFile(file));
     });
     document.addEventListener("pointerdown", (event) => {
-      const inside = event.target instanceof Node && (this.root.contains(event.target) || this.button.contains(event.target));
+      const inside =
+        event.target instanceof Node &&
+        (this.root.contains(event.target) || this.button.contains(event.target));
       if (!inside) this.toggle(false);
     });
     for (const kind of ["dragenter", "dragover"]) {
@@ -65,8 +67,11 @@ export class SourceMenu {
     const [sessions, scenes, recordings] = await Promise.all([
       this.list("Sessions", async () =>
         (await this.streams.call("listSessions", {})).sessions.map(({ session, scene, viewers }) =>
-          this.entry(scene, `${session} · ${viewers} viewer${viewers === 1 ? "" : "s"}`, session === this.current(), () =>
-            this.actions.openSession(session),
+          this.entry(
+            scene,
+            `${session} · ${viewers} viewer${viewers === 1 ? "" : "s"}`,
+            session === this.current(),
+            () => this.actions.openSession(session),
           ),
         ),
       ),
@@ -76,8 +81,11 @@ export class SourceMenu {
         ),
       ),
       this.list("Recordings", async () =>
-        (await this.streams.call("listRecordings", {})).recordings.map(({ name, bytes: size, open }) =>
-          this.entry(name, bytes(Number(size)) + (open ? " · under way" : ""), false, () => this.actions.openRecording(name)),
+        (await this.streams.call("listRecordings", {})).recordings.map(
+          ({ name, bytes: size, open }) =>
+            this.entry(name, bytes(Number(size)) + (open ? " · under way" : ""), false, () =>
+              this.actions.openRecording(name),
+            ),
         ),
       ),
     ]);

@@ -10,7 +10,8 @@ type ClientMessageInit = MessageInitShape<typeof ClientMessageSchema>;
 export type Request = NonNullable<ClientMessageInit["request"]>;
 export type Response = ServerMessage["response"];
 /** The response to a call, by the name of its field. */
-type Answer<C extends string> = Extract<Response, { case: C }> extends { value: infer V } ? V : never;
+type Answer<C extends string> =
+  Extract<Response, { case: C }> extends { value: infer V } ? V : never;
 
 /** An error of the service: what it says, and the machine-readable reason (server/errors.h). */
 export class ServiceError extends Error {
@@ -24,7 +25,8 @@ export class ServiceError extends Error {
 
   static from(status: Status): ServiceError {
     let reason = "";
-    for (const detail of status.details) reason ||= anyUnpack(detail, ErrorInfoSchema)?.reason ?? "";
+    for (const detail of status.details)
+      reason ||= anyUnpack(detail, ErrorInfoSchema)?.reason ?? "";
     return new ServiceError(status.message, status.code, reason);
   }
 }
@@ -83,9 +85,11 @@ export class Streams {
         (response) => {
           this.listeners.delete(stream.number);
           if (response.case === name) resolve(response.value as Answer<C>);
-          else reject(new ServiceError(`${name} was answered with ${response.case}`, 13, "INTERNAL"));
+          else
+            reject(new ServiceError(`${name} was answered with ${response.case}`, 13, "INTERNAL"));
         },
-        (error) => reject(error ?? new ServiceError(`${name} ended without an answer`, 13, "INTERNAL")),
+        (error) =>
+          reject(error ?? new ServiceError(`${name} ended without an answer`, 13, "INTERNAL")),
       );
     });
   }

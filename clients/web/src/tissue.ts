@@ -61,6 +61,10 @@ export class Tissue {
 
   setMap(map: ColourMapName): void {
     this.map = map;
+    for (const [index, { material }] of this.meshes.entries()) {
+      // A highlight would change the colours of a legend.
+      material.specular.set(map === "none" ? sheen(this.bodies[index]) : 0x000000);
+    }
   }
 
   setWireframe(on: boolean): void {
@@ -151,7 +155,7 @@ export class Tissue {
     const material = new MeshPhongMaterial({
       vertexColors: true,
       side: DoubleSide,
-      specular: body.rigid ? 0x111111 : 0x262626,
+      specular: sheen(body),
       shininess: body.rigid ? 10 : 40,
       // Dots and wires that lie on the surface are drawn in front of it.
       polygonOffset: true,
@@ -168,6 +172,11 @@ export class Tissue {
 /** A body's own colour, "#rrggbb". */
 export function bodyColour(body: BodyTopology, index: number): string {
   return body.rigid ? kRigidColour : kSoftColours[index % kSoftColours.length];
+}
+
+// Wet tissue shines more than bone.
+function sheen(body: BodyTopology): number {
+  return body.rigid ? 0x111111 : 0x262626;
 }
 
 function dynamic(array: Float32Array<ArrayBuffer>): BufferAttribute {

@@ -1,5 +1,5 @@
-// Needles and lancets, and a ghost of each where its operator wants it. In a tool's frame the tip is the origin and the
-// shaft lies along +z.
+// Needles and lancets, and a ghost of each where its operator wants it. In a tool's frame the tip
+// is the origin and the shaft lies along +z.
 
 import {
   BoxGeometry,
@@ -63,8 +63,14 @@ export class ToolMeshes {
     }
   }
 
-  /** Takes over a frame. `localTarget` is the target that this page steers, ahead of what the server has answered. */
-  update(states: readonly ToolState[], localTarget?: { tool: number; tip: Vector3; orientation: Quaternion }): void {
+  /**
+   * Takes over a frame. `localTarget` is the target that this page steers, ahead of what the server
+   * has answered.
+   */
+  update(
+    states: readonly ToolState[],
+    localTarget?: { tool: number; tip: Vector3; orientation: Quaternion },
+  ): void {
     for (const [index, tool] of this.tools.entries()) {
       const state = states[index];
       if (!state?.pose) continue;
@@ -141,7 +147,8 @@ function shape(topology: ToolTopology, material: MeshLambertMaterial): Group {
   return group;
 }
 
-// three.js builds cones and cylinders about y: turned here so that y becomes z, and moved along z to where they begin.
+// three.js builds cones and cylinders about y: turned here so that y becomes z, and moved along z
+// to where they begin.
 function aboutZ(geometry: BufferGeometry, beginM: number, lengthM: number): BufferGeometry {
   return geometry.rotateX(Math.PI / 2).translate(0, 0, beginM + lengthM / 2);
 }
@@ -149,7 +156,9 @@ function aboutZ(geometry: BufferGeometry, beginM: number, lengthM: number): Buff
 function needle({ lengthM, radiusM, tipLengthM }: NeedleTopology): BufferGeometry[] {
   const shaftM = Math.max(0, lengthM - tipLengthM);
   // The cone's apex is at +z after the turn; it belongs at the origin.
-  const tip = new ConeGeometry(radiusM, tipLengthM, 16).rotateX(-Math.PI / 2).translate(0, 0, tipLengthM / 2);
+  const tip = new ConeGeometry(radiusM, tipLengthM, 16)
+    .rotateX(-Math.PI / 2)
+    .translate(0, 0, tipLengthM / 2);
   const shaft = aboutZ(new CylinderGeometry(radiusM, radiusM, shaftM, 16), tipLengthM, shaftM);
   // A hub, so that a thin needle can be seen and clicked; it is drawn only.
   const hubM = lengthM * 0.12;

@@ -55,16 +55,24 @@ export class Transport {
     this.play.classList.toggle("running", state.running);
     this.play.title = this.play.ariaLabel = state.running ? "Pause (Space)" : "Play (Space)";
     this.step.title = this.step.ariaLabel = recording ? "Next frame (→)" : "One step (→)";
-    this.reset.title = this.reset.ariaLabel = recording ? "To the beginning (Backspace)" : "Reset (Backspace)";
+    this.reset.title = this.reset.ariaLabel = recording
+      ? "To the beginning (Backspace)"
+      : "Reset (Backspace)";
     for (const button of [this.play, this.step, this.reset]) button.disabled = !state.enabled;
     this.speed.hidden = !recording;
     setText(byId("time"), seconds(state.timeS));
     setText(byId("real-time"), `${fixed(state.realTime, 2)}×`);
     const used = state.budgetS > 0 ? state.stepS / state.budgetS : 0;
-    setText(byId("step-time"), `${fixed(state.stepS * 1e3, 2)} / ${fixed(state.budgetS * 1e3, 2)} ms`);
+    setText(
+      byId("step-time"),
+      `${fixed(state.stepS * 1e3, 2)} / ${fixed(state.budgetS * 1e3, 2)} ms`,
+    );
     this.bar.style.transform = `scaleX(${Math.min(1, used).toFixed(3)})`;
     this.bar.dataset.level = used > 1 ? "over" : used > 0.8 ? "near" : "under";
-    setText(byId("misses"), `${state.misses} late${state.skipped > 0 ? `, ${state.skipped} skipped` : ""}`);
+    setText(
+      byId("misses"),
+      `${state.misses} late${state.skipped > 0 ? `, ${state.skipped} skipped` : ""}`,
+    );
     byId("misses").classList.toggle("alert", state.misses > 0);
   }
 }

@@ -1,4 +1,5 @@
-// What is seen: one scene's bodies, tools, markers and floor, drawn the same way live, from history and from a recording.
+// What is seen: one scene's bodies, tools, markers and floor, drawn the same way live, from history
+// and from a recording.
 
 import { Box3, Raycaster, Vector2, Vector3 } from "three";
 import { colourMap, type Range } from "./colour_map";
@@ -50,12 +51,19 @@ export class View {
     this.sample = undefined;
     const scene = this.scene3d.scene;
     if (before) {
-      scene.remove(before.tissue.group, before.tools.group, before.markers.group, before.ground.lines);
-      for (const part of [before.tissue, before.tools, before.markers, before.ground]) part.dispose();
+      scene.remove(
+        before.tissue.group,
+        before.tools.group,
+        before.markers.group,
+        before.ground.lines,
+      );
+      for (const part of [before.tissue, before.tools, before.markers, before.ground])
+        part.dispose();
     }
     scene.add(tissue.group, tools.group, markers.group, ground.lines);
     this.scene3d.fit(box);
-    const same = before?.topology.scene === topology.scene && before.particles.count === particles.count;
+    const same =
+      before?.topology.scene === topology.scene && before.particles.count === particles.count;
     if (!same) this.scene3d.home();
     tissue.update(undefined);
     this.applyDisplay();
@@ -122,16 +130,23 @@ export class View {
   }
 }
 
-// The bodies at rest, and of the tools what is near them: a long handle must not make the tissue small.
+// The bodies at rest, and of the tools what is near them: a long handle must not make the tissue
+// small.
 function contentBox(topology: Topology, particles: Particles): Box3 {
   const box = new Box3();
   const point = new Vector3();
-  for (let p = 0; p < particles.count; p++) box.expandByPoint(point.fromArray(particles.rest, 3 * p));
+  for (let p = 0; p < particles.count; p++)
+    box.expandByPoint(point.fromArray(particles.rest, 3 * p));
   const reach = box.isEmpty() ? 0.05 : box.getSize(new Vector3()).length() / 6;
   for (const { start } of topology.tools) {
     if (!start) continue;
     const tip = new Vector3(start.xM, start.yM, start.zM);
-    const axis = new Vector3(0, 0, 1).applyQuaternion({ x: start.qx, y: start.qy, z: start.qz, w: start.qw });
+    const axis = new Vector3(0, 0, 1).applyQuaternion({
+      x: start.qx,
+      y: start.qy,
+      z: start.qz,
+      w: start.qw,
+    });
     box.expandByPoint(tip).expandByPoint(tip.clone().addScaledVector(axis, reach));
   }
   if (box.isEmpty()) box.setFromCenterAndSize(new Vector3(), new Vector3(0.1, 0.1, 0.1));

@@ -1,6 +1,13 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { kShades, niceCeiling, paintValues, srgbToLinear, viridis, zoneColour } from "../src/colour_map";
+import {
+  kShades,
+  niceCeiling,
+  paintValues,
+  srgbToLinear,
+  viridis,
+  zoneColour,
+} from "../src/colour_map";
 
 test("viridis has the colours that matplotlib gives it", () => {
   const known: [number, number[]][] = [
@@ -12,7 +19,9 @@ test("viridis has the colours that matplotlib gives it", () => {
   ];
   for (const [t, expected] of known) {
     // The fit is good to about 0.01 of full brightness; at its ends to twice that.
-    viridis(t).forEach((value, c) => assert.ok(Math.abs(value - expected[c]) < 0.025, `${t}: ${value}`));
+    viridis(t).forEach((value, c) =>
+      assert.ok(Math.abs(value - expected[c]) < 0.025, `${t}: ${value}`),
+    );
   }
 });
 
@@ -44,9 +53,20 @@ test("zoneColour differs between neighbouring ids and gives no zone its own", ()
 });
 
 test("niceCeiling is the next round number", () => {
-  const cases: [number, number][] = [[0, 0], [0.3, 0.3], [0.31, 0.5], [1.2, 1.5], [8, 10], [7.6e-9, 1e-8], [1e6, 1e6]];
+  const cases: [number, number][] = [
+    [0, 0],
+    [0.3, 0.3],
+    [0.31, 0.5],
+    [1.2, 1.5],
+    [8, 10],
+    [7.6e-9, 1e-8],
+    [1e6, 1e6],
+  ];
   for (const [value, expected] of cases) {
-    assert.ok(Math.abs(niceCeiling(value) - expected) <= 1e-12 * expected, `${value}: ${niceCeiling(value)}`);
+    assert.ok(
+      Math.abs(niceCeiling(value) - expected) <= 1e-12 * expected,
+      `${value}: ${niceCeiling(value)}`,
+    );
   }
   for (const bad of [-1, Number.NaN, Infinity]) assert.equal(niceCeiling(bad), 0);
 });

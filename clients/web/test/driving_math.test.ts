@@ -30,8 +30,12 @@ test("planeMotion stays in the plane through the tip that faces the camera", () 
   const eye = new Vector3(0, 0, 1);
   const forward = new Vector3(0, 0, -1);
   const tip = new Vector3(0, 0, 0.2);
-  const through = (x: number, y: number) => new Ray(eye, new Vector3(x, y, 0.2).sub(eye).normalize());
-  near(planeMotion(through(0.1, 0), through(0.13, -0.04), tip, forward)!, new Vector3(0.03, -0.04, 0));
+  const through = (x: number, y: number) =>
+    new Ray(eye, new Vector3(x, y, 0.2).sub(eye).normalize());
+  near(
+    planeMotion(through(0.1, 0), through(0.13, -0.04), tip, forward)!,
+    new Vector3(0.03, -0.04, 0),
+  );
 });
 
 test("planeMotion has no answer for a ray along the plane or away from it", () => {
@@ -56,7 +60,10 @@ test("translate with the axis lock keeps the tip on the shaft's line", () => {
   translate(target, new Vector3(0.1, 0.2, 0.3), true);
   const moved = target.tip.clone().sub(before);
   assert.ok(moved.clone().cross(shaftAxis(target)).length() < kRoundOffM);
-  assert.ok(Math.abs(moved.dot(shaftAxis(target)) - new Vector3(0.1, 0.2, 0.3).dot(shaftAxis(target))) < kRoundOffM);
+  assert.ok(
+    Math.abs(moved.dot(shaftAxis(target)) - new Vector3(0.1, 0.2, 0.3).dot(shaftAxis(target))) <
+      kRoundOffM,
+  );
 });
 
 test("pivot about the tip leaves the tip, about the entry keeps its distance and the unit norm", () => {

@@ -1,16 +1,25 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { create, fromBinary, toBinary, type MessageInitShape } from "@bufbuild/protobuf";
-import { FrameSchema, PositionEncoding, TopologySchema, type Frame } from "../src/gen/adhesim/v1/frame_pb";
+import {
+  FrameSchema,
+  PositionEncoding,
+  TopologySchema,
+  type Frame,
+} from "../src/gen/adhesim/v1/frame_pb";
 import { Particles, readTriangles } from "../src/particles";
 
 const bytesOf = (array: { buffer: ArrayBufferLike }) => new Uint8Array(array.buffer);
 
 function topology(particles: number, rest?: Float32Array) {
-  return create(TopologySchema, { particles, restPositions: rest ? bytesOf(rest) : new Uint8Array() });
+  return create(TopologySchema, {
+    particles,
+    restPositions: rest ? bytesOf(rest) : new Uint8Array(),
+  });
 }
 
-// As it arrives: its bytes fields are views into one buffer, at whatever offset they have there. `shift` moves them all.
+// As it arrives: its bytes fields are views into one buffer, at whatever offset they have there.
+// `shift` moves them all.
 function received(init: MessageInitShape<typeof FrameSchema>, shift: number): Frame {
   const wire = toBinary(FrameSchema, create(FrameSchema, init));
   const buffer = new Uint8Array(wire.length + shift);
@@ -44,7 +53,12 @@ test("Particles reads 16-bit positions within the box", () => {
   const particles = new Particles(topology(2));
   particles.update(
     received(
-      { encoding: PositionEncoding.Q16, positions: bytesOf(q), boxMinM: [-1, 0, 2], boxSizeM: [2, 4, 0] },
+      {
+        encoding: PositionEncoding.Q16,
+        positions: bytesOf(q),
+        boxMinM: [-1, 0, 2],
+        boxSizeM: [2, 4, 0],
+      },
       1,
     ),
   );
@@ -102,7 +116,10 @@ test("Particles refuses frames that do not fit, and keeps what it had", () => {
 });
 
 test("readTriangles refuses corners that do not exist", () => {
-  const message = create(TopologySchema, { particles: 3, triangles: bytesOf(new Uint32Array([0, 1, 2])) });
+  const message = create(TopologySchema, {
+    particles: 3,
+    triangles: bytesOf(new Uint32Array([0, 1, 2])),
+  });
   assert.deepEqual([...readTriangles(message)], [0, 1, 2]);
   message.particles = 2;
   assert.throws(() => readTriangles(message), /particle 2 of 2/);
