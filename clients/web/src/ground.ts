@@ -15,10 +15,18 @@ const kCells = 20;
 
 /** Lines under the scene; `spacingM` is the distance between them. */
 export class Ground {
-  readonly lines: LineSegments<BufferGeometry, LineBasicMaterial>;
-  readonly spacingM: number;
+  readonly lines = new LineSegments(
+    new BufferGeometry(),
+    new LineBasicMaterial({
+      color: 0x808890,
+      transparent: true,
+      opacity: 0.28,
+      depthWrite: false,
+    }),
+  );
+  spacingM = 0;
 
-  constructor(box: Box3) {
+  fit(box: Box3): void {
     const size = box.getSize(new Vector3());
     const centre = box.getCenter(new Vector3());
     // About twice the scene's width, in 20 cells of a round size.
@@ -34,17 +42,9 @@ export class Ground {
       points.push(cx - half, cy + at, z, cx + half, cy + at, z);
       points.push(cx + at, cy - half, z, cx + at, cy + half, z);
     }
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
-    this.lines = new LineSegments(
-      geometry,
-      new LineBasicMaterial({
-        color: 0x808890,
-        transparent: true,
-        opacity: 0.28,
-        depthWrite: false,
-      }),
-    );
+    const position = new BufferAttribute(new Float32Array(points), 3);
+    this.lines.geometry.setAttribute("position", position);
+    this.lines.geometry.computeBoundingSphere();
   }
 
   dispose(): void {

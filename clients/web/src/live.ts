@@ -51,8 +51,12 @@ export class Live implements Mode {
     });
     this.streams = new Streams((message) => this.connection.send(message));
     this.control = new ToolControl(shell, driving, this.streams);
+    // Heartbeats say it as well, a quarter of a second later.
     this.control.onTaken = (tool) => {
       if (!this.operatedTools.includes(tool)) this.operatedTools.push(tool);
+    };
+    this.control.onReleased = (tool) => {
+      this.operatedTools = this.operatedTools.filter((name) => name !== tool);
     };
     this.session = new SessionClient(this.streams, wanted, {
       onTopology: (topology) => this.topologyArrived(topology),
@@ -165,7 +169,7 @@ export class Live implements Mode {
   }
 
   private showPast(number: number): void {
-    if (number > this.history.newest) {
+    if (number >= this.history.newest) {
       this.returnToNow();
       return;
     }

@@ -33,7 +33,8 @@ export class Particles {
   private readonly zoneBytes: Uint8Array;
   private readonly strainBytes: Uint8Array;
   private readonly quantised: Uint16Array<ArrayBuffer>;
-  private restKnown: boolean;
+  /** False until it is known where the particles are at rest. */
+  restKnown: boolean;
 
   constructor(topology: Topology) {
     const n = topology.particles;

@@ -20,6 +20,8 @@ const kRetryMs = 1000;
 export class SessionClient {
   id?: string;
   state = SessionState.UNSPECIFIED;
+  /** Name of the scene that was watched last. */
+  private scene?: string;
   private watch?: Stream;
   private received = 0n;
   private acknowledged = 0n;
@@ -59,6 +61,7 @@ export class SessionClient {
   async attach(wanted: { session?: string; scene?: string }): Promise<void> {
     this.wanted = wanted;
     this.id = undefined;
+    this.scene = undefined;
     this.watch?.end();
     this.watch = undefined;
     await this.start();
@@ -115,22 +118,34 @@ export class SessionClient {
     if (known) return this.remember(known);
     const newest = sessions.at(-1);
     if (newest && !this.wanted.scene) return this.remember(newest);
-    const scene = this.wanted.scene ?? (await this.firstScene());
-    const { session } = await this.streams.call("createSession", {
-      source: { case: "sceneName", value: scene },
-    });
-    if (!session) throw new Error("the server created no session");
-    return this.remember(session);
+    return this.remember(await this.create());
   }
 
-  private async firstScene(): Promise<string> {
-    const { scenes } = await this.streams.call("listScenes", {});
-    if (scenes.length === 0) throw new Error("The server offers no scenes and has no session.");
-    return scenes[0].name;
+  // The scene that was asked for, or was shown before the server forgot it, or the first that can be built.
+  private async create(): Promise<Session> {
+    const wanted = this.wanted.scene ?? this.scene;
+    const names = wanted
+      ? [wanted]
+      : (await this.streams.call("listScenes", {})).scenes.map(({ name }) => name);
+    let problem = new Error("The server has no session and offers no scenes.");
+    for (const name of names) {
+      try {
+        const source = { case: "sceneName" as const, value: name };
+        const { session } = await this.streams.call("createSession", { source });
+        if (session) return session;
+      } catch (error) {
+        // A scene may lack its files on this machine; the next one may not.
+        if (!(error instanceof ServiceError) || error.reason !== "SCENE_INVALID") throw error;
+        problem = error;
+      }
+    }
+    this.scene = undefined;
+    throw problem;
   }
 
   private remember(session: Session): string {
     this.state = session.state;
+    this.scene = session.scene;
     return session.session;
   }
 

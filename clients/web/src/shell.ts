@@ -46,6 +46,11 @@ export class Shell {
     readonly hooks: Hooks,
   ) {
     this.view = new View(scene3d, this.display, new Legend());
+    this.view.onFit = (spacingM) => {
+      setText(byId("ground-note"), `floor: ${(spacingM * 1000).toPrecision(2)} mm`);
+      this.display.arrowMmPerN = niceArrow(scene3d.radius);
+      this.panel.refresh();
+    };
     this.hud = new Hud(this.view);
     this.tree = new SceneTree(this.view, (tool) => this.selectTool(tool));
     this.toolPanel = new ToolPanel(() => this.onGrab());
@@ -61,21 +66,14 @@ export class Shell {
   setTopology(topology: Topology): void {
     const before = this.view.content?.topology;
     this.view.setTopology(topology);
-    const arrow = niceArrow(this.scene3d.radius);
     if (before?.scene !== topology.scene) {
       this.selectedTool = 0;
       this.pick.particle = undefined;
-      this.display.arrowMmPerN = arrow;
-      this.panel.refresh();
     }
     this.rateHz = topology.rateHz;
     this.restart();
     this.tree.build(this.view.content!);
     setText(byId("scene-name"), topology.scene || "scene");
-    setText(
-      byId("ground-note"),
-      `floor: ${(this.view.content!.ground.spacingM * 1000).toPrecision(2)} mm`,
-    );
     document.title = `${topology.scene || "scene"} – adhesim`;
   }
 

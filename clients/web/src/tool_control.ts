@@ -10,6 +10,9 @@ import type { ServiceError, Streams } from "./streams";
 export class ToolControl {
   /** Called when the server refused a tool because someone else has it. */
   onTaken: (tool: string) => void = () => {};
+  /** Called when this page gave a tool back. */
+  onReleased: (tool: string) => void = () => {};
+  private name = "";
   private readonly operator: Operator;
 
   constructor(
@@ -45,6 +48,7 @@ export class ToolControl {
     this.operator.take(session, name, {
       onTaken: (state) => {
         this.shell.banner.set("control", undefined);
+        this.name = name;
         this.driving.begin(tool, state);
         this.markHeld();
       },
@@ -60,6 +64,7 @@ export class ToolControl {
     if (!this.held) return;
     this.operator.release();
     this.letGo();
+    this.onReleased(this.name);
   }
 
   /** Colours the tool that is held; also after the scene was built anew. */

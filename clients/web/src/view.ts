@@ -30,6 +30,9 @@ export class View {
   /** The target that this page steers. */
   localTarget?: { tool: number } & TargetPose;
 
+  /** Called when another scene was fitted; with the distance of the floor's lines, m. */
+  onFit: (spacingM: number) => void = () => {};
+
   private readonly raycaster = new Raycaster();
 
   constructor(
@@ -45,8 +48,7 @@ export class View {
     const tissue = new Tissue(topology, particles);
     const tools = new ToolMeshes(topology.tools);
     const markers = new Markers(tissue.position, particles);
-    const box = contentBox(topology, particles);
-    const ground = new Ground(box);
+    const ground = new Ground();
     this.content = { topology, particles, tissue, tools, markers, ground };
     this.sample = undefined;
     const scene = this.scene3d.scene;
@@ -61,10 +63,9 @@ export class View {
         part.dispose();
     }
     scene.add(tissue.group, tools.group, markers.group, ground.lines);
-    this.scene3d.fit(box);
     const same =
       before?.topology.scene === topology.scene && before.particles.count === particles.count;
-    if (!same) this.scene3d.home();
+    if (particles.restKnown) this.frameContent(this.content, same);
     tissue.update(undefined);
     this.applyDisplay();
   }
@@ -73,8 +74,10 @@ export class View {
   show(sample: Sample): void {
     const content = this.content;
     if (!content) return;
+    const { restKnown } = content.particles;
     content.particles.update(sample.frame);
     this.sample = sample;
+    if (!restKnown) this.frameContent(content);
     content.tissue.update(this.lockedRange());
     this.update(content, sample);
   }
@@ -121,6 +124,16 @@ export class View {
     const known = this.display.colourMap !== "strain-energy" || particles.hasStrainEnergy;
     this.legend.update(this.display.colourMap, tissue.range, this.display.lockRange, known);
     this.scene3d.invalidate();
+  }
+
+  // Fits camera and floor to what there is.
+  private frameContent({ topology, particles, ground }: Content, keepCamera = false): void {
+    const box = contentBox(topology, particles);
+    ground.fit(box);
+    this.scene3d.fit(box);
+    if (keepCamera) return;
+    this.scene3d.home();
+    this.onFit(ground.spacingM);
   }
 
   private lockedRange(): Range | undefined {
