@@ -77,14 +77,29 @@ std::vector<std::string> Command(const std::string& program, const std::string& 
   return command;
 }
 
-// Our environment, with its home in the profile, so that nothing of it stays elsewhere.
+// Where the profile goes. In it Chromium makes the socket
+// org.chromium.Chromium.XXXXXX/SingletonSocket, and crashes when the path of that has more than the
+// 107 bytes which a socket's may have.
+std::string TemporaryDirectory() {
+  constexpr std::size_t kLongest =
+      107 - sizeof("/adhesim-XXXXXX/org.chromium.Chromium.XXXXXX/SingletonSocket");
+  std::error_code error;
+  const std::string directory = fs::temp_directory_path(error).string();
+  return error || directory.size() > kLongest ? "/tmp" : directory;
+}
+
+// Our environment, with home and temporary files in the profile, so that nothing of it stays
+// elsewhere.
 std::vector<std::string> Environment(const std::string& profile) {
   std::vector<std::string> environment;
   for (char** entry = environ; *entry != nullptr; ++entry) {
     const std::string_view text = *entry;
-    if (!text.starts_with("HOME=") && !text.starts_with("XDG_")) environment.emplace_back(text);
+    if (!text.starts_with("HOME=") && !text.starts_with("XDG_") && !text.starts_with("TMPDIR=")) {
+      environment.emplace_back(text);
+    }
   }
   environment.push_back("HOME=" + profile);
+  environment.push_back("TMPDIR=" + profile);
   return environment;
 }
 
@@ -173,12 +188,10 @@ absl::StatusOr<std::unique_ptr<Browser>> Browser::Start(const Options& options) 
 absl::Status Browser::Launch() {
   const absl::StatusOr<std::string> program = FindBrowser(options_.program);
   if (!program.ok()) return program.status();
-  std::error_code error;
-  const fs::path temporary = fs::temp_directory_path(error);
-  std::string profile = (temporary / "adhesim-browser-XXXXXX").string();
-  if (error || mkdtemp(profile.data()) == nullptr) {
-    return absl::ErrnoToStatus(errno,
-                               absl::StrCat("cannot make a directory in ", temporary.string()));
+  const std::string temporary = TemporaryDirectory();
+  std::string profile = temporary + "/adhesim-XXXXXX";
+  if (mkdtemp(profile.data()) == nullptr) {
+    return absl::ErrnoToStatus(errno, absl::StrCat("cannot make a directory in ", temporary));
   }
   profile_ = profile;
 

@@ -19,9 +19,9 @@ using ::testing::HasSubstr;
 // Temporary directories are made here, so that what stays behind can be seen.
 class BrowserTest : public testing::Test {
  protected:
-  BrowserTest() : directory_(fs::path(testing::TempDir()) / Name()) {
-    fs::remove_all(directory_);
-    fs::create_directories(directory_);
+  BrowserTest() {
+    std::string name = testing::TempDir() + "browser_XXXXXX";
+    directory_ = mkdtemp(name.data());
     setenv("TMPDIR", directory_.c_str(), 1);
   }
   ~BrowserTest() override {
@@ -43,10 +43,6 @@ class BrowserTest : public testing::Test {
   fs::path directory_;
 
  private:
-  static std::string Name() {
-    return std::string("browser_test_") +
-           testing::UnitTest::GetInstance()->current_test_info()->name();
-  }
   bool program_written_ = false;
 };
 
