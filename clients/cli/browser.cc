@@ -238,8 +238,11 @@ absl::Status Browser::Open(const std::string& url) {
   const absl::StatusOr<Json> answer = Call("Page.navigate", {{"url", url}});
   if (!answer.ok()) return answer.status();
   const std::string error = answer->value("errorText", "");
-  if (error.empty()) return absl::OkStatus();
-  return absl::InternalError(absl::StrCat("cannot open ", url, ": ", error));
+  if (!error.empty()) return absl::InternalError(absl::StrCat("cannot open ", url, ": ", error));
+  return Evaluate(
+             "new Promise(done => document.readyState === 'complete' ? done() : "
+             "addEventListener('load', () => done()))")
+      .status();
 }
 
 absl::StatusOr<Json> Browser::Evaluate(const std::string& expression) {

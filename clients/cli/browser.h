@@ -38,7 +38,7 @@ class Browser {
   Browser(const Browser&) = delete;
   Browser& operator=(const Browser&) = delete;
 
-  // Opens an address in the page, whose scripts may still be on their way then.
+  // Opens an address in the page and waits until it is loaded with all that its document names.
   absl::Status Open(const std::string& url);
   // The value of an expression in the page; a promise is awaited. Errors: FailedPrecondition with
   // the message of what it throws.

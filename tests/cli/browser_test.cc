@@ -20,7 +20,9 @@ using ::testing::HasSubstr;
 class BrowserTest : public testing::Test {
  protected:
   BrowserTest() {
-    std::string name = testing::TempDir() + "browser_XXXXXX";
+    // Asked once: it follows the variable that is set here.
+    static const std::string temporary = testing::TempDir();
+    std::string name = temporary + "browser_XXXXXX";
     directory_ = mkdtemp(name.data());
     setenv("TMPDIR", directory_.c_str(), 1);
   }
