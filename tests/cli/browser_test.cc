@@ -5,9 +5,11 @@
 #include <sys/wait.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 namespace adhesim {
 namespace {
@@ -108,11 +110,16 @@ TEST_F(BrowserTest, GivesUpOnASilentBrowserAndKillsWhatItStarted) {
   pid_t child = 0;
   std::ifstream(pid_file) >> child;
   ASSERT_GT(child, 0);
-  // Dead, though perhaps not yet waited for by the process that inherits it.
-  std::ifstream status("/proc/" + std::to_string(child) + "/stat");
-  std::string number, name, state = "gone";
-  status >> number >> name >> state;
-  EXPECT_TRUE(state == "gone" || state == "Z" || state == "X") << state;
+  // Killed, which takes a moment; whoever inherits it may not yet have waited for it.
+  std::string state;
+  for (int i = 0; i < 250; ++i) {
+    std::string number, name;
+    state = "gone";
+    std::ifstream("/proc/" + std::to_string(child) + "/stat") >> number >> name >> state;
+    if (state == "gone" || state == "Z" || state == "X") return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  FAIL() << "the browser's child is in state " << state;
 }
 
 TEST_F(BrowserTest, StopsWhenAsked) {
