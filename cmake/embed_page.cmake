@@ -47,7 +47,7 @@ ${symbols}
 namespace adhesim {
 namespace {
 
-const PageFile kFiles[] = {
+constexpr PageFile kFiles[] = {
 ${table}};
 
 }  // namespace

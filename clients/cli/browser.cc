@@ -42,21 +42,6 @@ std::string FindProgram(const std::string& name) {
   return "";
 }
 
-absl::StatusOr<std::string> FindBrowser(const std::string& wanted) {
-  if (!wanted.empty()) {
-    const std::string found = FindProgram(wanted);
-    if (!found.empty() && !fs::is_directory(found)) return found;
-    return absl::NotFoundError(absl::StrCat("no program ", wanted));
-  }
-  for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
-    const std::string found = FindProgram(name);
-    if (!found.empty()) return found;
-  }
-  return absl::NotFoundError(
-      "pictures need a browser, and there is none on PATH: install the packages chromium and "
-      "fonts-dejavu-core, or name one with --browser");
-}
-
 // No flag names a GL: that would draw the whole page, not only its canvas, in software.
 std::vector<std::string> Command(const std::string& program, const std::string& profile, int width,
                                  int height) {
@@ -75,17 +60,6 @@ std::vector<std::string> Command(const std::string& program, const std::string& 
   // Chromium's sandbox refuses to run as root.
   if (geteuid() == 0) command.push_back("--no-sandbox");
   return command;
-}
-
-// Where the profile goes. In it Chromium makes the socket
-// org.chromium.Chromium.XXXXXX/SingletonSocket, and crashes when the path of that has more than the
-// 107 bytes which a socket's may have.
-std::string TemporaryDirectory() {
-  constexpr std::size_t kLongest =
-      107 - sizeof("/adhesim-XXXXXX/org.chromium.Chromium.XXXXXX/SingletonSocket");
-  std::error_code error;
-  const std::string directory = fs::temp_directory_path(error).string();
-  return error || directory.size() > kLongest ? "/tmp" : directory;
 }
 
 // Our environment, with home and temporary files in the profile, so that nothing of it stays
@@ -174,6 +148,21 @@ Browser::Browser(const Options& options)
 
 Browser::~Browser() { End(); }
 
+absl::StatusOr<std::string> Browser::Find(const std::string& wanted) {
+  if (!wanted.empty()) {
+    const std::string found = FindProgram(wanted);
+    if (!found.empty() && !fs::is_directory(found)) return found;
+    return absl::NotFoundError(absl::StrCat("no program ", wanted));
+  }
+  for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
+    const std::string found = FindProgram(name);
+    if (!found.empty()) return found;
+  }
+  return absl::NotFoundError(
+      "pictures need a browser, and there is none on PATH: install the packages chromium and "
+      "fonts-dejavu-core, or name one with --browser");
+}
+
 absl::StatusOr<std::unique_ptr<Browser>> Browser::Start(const Options& options) {
   std::unique_ptr<Browser> browser(new Browser(options));
   absl::Status status = browser->Launch();
@@ -186,22 +175,19 @@ absl::StatusOr<std::unique_ptr<Browser>> Browser::Start(const Options& options) 
 }
 
 absl::Status Browser::Launch() {
-  const absl::StatusOr<std::string> program = FindBrowser(options_.program);
+  const absl::StatusOr<std::string> program = Find(options_.program);
   if (!program.ok()) return program.status();
-  const std::string temporary = TemporaryDirectory();
-  std::string profile = temporary + "/adhesim-XXXXXX";
-  if (mkdtemp(profile.data()) == nullptr) {
-    return absl::ErrnoToStatus(errno, absl::StrCat("cannot make a directory in ", temporary));
-  }
-  profile_ = profile;
+  absl::StatusOr<std::unique_ptr<TemporaryDirectory>> profile = TemporaryDirectory::Make();
+  if (!profile.ok()) return profile.status();
+  profile_ = *std::move(profile);
 
   int its_input = -1, its_output = -1;
   absl::Status status = MakePipe(&its_input, &to_browser_);
   if (status.ok()) status = MakePipe(&from_browser_, &its_output);
   if (status.ok()) {
     const absl::StatusOr<pid_t> process =
-        Spawn(Command(*program, profile_, options_.width, options_.height), Environment(profile_),
-              its_input, its_output, profile_ + "/log");
+        Spawn(Command(*program, profile_->path(), options_.width, options_.height),
+              Environment(profile_->path()), its_input, its_output, profile_->path() + "/log");
     status = process.status();
     if (process.ok()) process_ = *process;
   }
@@ -367,17 +353,11 @@ void Browser::End() {
     kill(-process_, SIGKILL);
     waitpid(process_, nullptr, 0);
   }
-  // Its last processes may still be writing.
-  std::error_code error;
-  for (int i = 0; !profile_.empty() && i < 50; ++i) {
-    fs::remove_all(profile_, error);
-    if (!fs::exists(profile_)) break;
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
 }
 
 std::string Browser::LastWords() const {
-  std::ifstream file(profile_ + "/log");
+  if (profile_ == nullptr) return "";
+  std::ifstream file(profile_->path() + "/log");
   std::string words, line;
   while (std::getline(file, line)) words = line.empty() ? words : line;
   return words.empty() ? "" : absl::StrCat("; its last words: ", words);

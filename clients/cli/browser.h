@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "clients/cli/temporary_directory.h"
+
 namespace adhesim {
 
 // A headless Chromium of our own with one page, spoken to in the Chrome DevTools Protocol over two
@@ -30,6 +32,8 @@ class Browser {
     std::function<bool()> stop = nullptr;
   };
 
+  // The path of the browser's program. Errors: NotFound, naming what to install.
+  static absl::StatusOr<std::string> Find(const std::string& program);
   // Errors: NotFound without a browser; Internal when it ends before it answers, with its last
   // words; else as Call.
   static absl::StatusOr<std::unique_ptr<Browser>> Start(const Options& options);
@@ -67,8 +71,8 @@ class Browser {
 
   const Options options_;
   const std::chrono::steady_clock::time_point deadline_;
-  std::string profile_;  // a directory of ours
-  pid_t process_ = -1;   // and leader of a process group
+  std::unique_ptr<TemporaryDirectory> profile_;
+  pid_t process_ = -1;  // and leader of a process group
   int to_browser_ = -1, from_browser_ = -1;
   std::string received_;  // not yet a whole message
   std::string page_;      // the protocol's session of the page, empty before there is one
