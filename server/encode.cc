@@ -84,6 +84,7 @@ void EncodeTool(const ToolFrame& tool, std::uint64_t target_jumps, v1::ToolState
   EncodeWrench(tool.coupling, message->mutable_coupling());
   message->set_colliding_particles(tool.colliding_particles);
   message->set_contact_area_m2(tool.contact_area_m2);
+  message->set_depth_m(tool.depth_m);
   message->set_speed_limited(tool.flags & kToolSpeedLimited);
   message->set_force_limited(tool.flags & kToolForceLimited);
   message->set_obstructed(tool.flags & kToolObstructed);
@@ -112,6 +113,13 @@ void EncodeTopology(const Model& model, v1::Topology* message) {
   message->set_rate_hz(1.0 / model.dt_s);
   message->set_particles(model.particle_count());
   AssignBytes(model.triangles, message->mutable_triangles());
+  std::vector<Eigen::Vector3f> rest;
+  for (const Vec3& x : model.rest_position_m) rest.push_back(x.cast<float>());
+  AssignBytes(rest, message->mutable_rest_positions());
+  for (const v1::Effect& effect : model.scene.effects()) {
+    const auto* kind = effect.GetDescriptor()->FindOneofByName("kind");
+    message->add_effects(effect.GetReflection()->GetOneofFieldDescriptor(effect, kind)->name());
+  }
   for (const Body& body : model.bodies) {
     v1::BodyTopology* out = message->add_bodies();
     out->set_name(body.name);
@@ -139,11 +147,11 @@ void EncodeTopology(const Model& model, v1::Topology* message) {
   }
 }
 
-void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, v1::Frame* message) {
+void EncodeFrame(const SessionFrame& frame, const FrameFormat& format, v1::Frame* message) {
   const Frame& from = frame.frame;
   message->clear_box_min_m();
   message->clear_box_size_m();
-  if (encoding == v1::POSITION_ENCODING_Q16) {
+  if (format.positions == v1::POSITION_ENCODING_Q16) {
     message->set_encoding(v1::POSITION_ENCODING_Q16);
     EncodeQ16(from.position_m, message);
   } else {
@@ -165,6 +173,11 @@ void EncodeFrame(const SessionFrame& frame, v1::PositionEncoding encoding, v1::F
   message->set_kinetic_energy_j(from.kinetic_energy_j);
   message->set_published_ns(frame.published_ns);
   message->set_deadline_misses(frame.timing.deadline_misses);
+  message->set_skipped_steps(frame.timing.skipped_steps);
+  message->set_step_duration_s(frame.timing.step_duration_s);
+  AssignBytes(from.contact_forces, message->mutable_contact_forces());
+  message->mutable_strain_energy()->clear();
+  if (format.strain_energy) AssignBytes(from.strain_energy_j, message->mutable_strain_energy());
 }
 
 v1::RealtimeClass EncodeRealtimeClass(RealtimeClass realtime_class) {

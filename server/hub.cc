@@ -131,7 +131,7 @@ void Hub::OnFrame(const SessionFrame& frame, bool fresh) {
     if (fresh) DeliverFeedback(frame, static_cast<int>(i));
   }
   const std::int64_t now_ns = MonotonicNs();
-  std::map<v1::PositionEncoding, SharedBytes> encoded;
+  std::map<FrameFormat, SharedBytes> encoded;
   for (auto& [sink, viewer] : viewers_) {
     if (!viewer.greeted) {
       viewer.greeted = true;
@@ -179,11 +179,11 @@ void Hub::CountLost(Viewer* viewer, std::int64_t now_ns) const {
 }
 
 void Hub::DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* viewer,
-                       std::map<v1::PositionEncoding, SharedBytes>* encoded) {
-  SharedBytes& bytes = (*encoded)[viewer->options.encoding];
+                       std::map<FrameFormat, SharedBytes>* encoded) {
+  SharedBytes& bytes = (*encoded)[viewer->options.format];
   if (bytes == nullptr) {
     Stamp(frame, &frame_);
-    EncodeFrame(frame, viewer->options.encoding, frame_.mutable_frame());
+    EncodeFrame(frame, viewer->options.format, frame_.mutable_frame());
     bytes = Serialise(frame_);
   }
   viewer->seen = frame_number_;
@@ -195,17 +195,25 @@ void Hub::DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* view
   sink->Deliver(bytes, viewer->dropped);
 }
 
+void Hub::AddRoster(v1::Heartbeat* heartbeat) const {
+  heartbeat->set_viewers(viewers_.size());
+  for (std::size_t i = 0; i < operators_.size(); ++i) {
+    if (operators_[i].sink != nullptr) heartbeat->add_operated_tools(model_.tools[i].name);
+  }
+}
+
 void Hub::OnHeartbeat(const SessionFrame& frame) {
   const std::lock_guard lock(mutex_);
   v1::InteractResponse to_operators;
   Stamp(frame, &to_operators);
   EncodeHeartbeat(frame, draining_, to_operators.mutable_heartbeat());
+  AddRoster(to_operators.mutable_heartbeat());
   for (const Operator& seat : operators_) {
     if (seat.sink != nullptr && seat.greeted) seat.sink->Deliver(to_operators);
   }
   v1::WatchResponse to_viewers;
   Stamp(frame, &to_viewers);
-  EncodeHeartbeat(frame, draining_, to_viewers.mutable_heartbeat());
+  *to_viewers.mutable_heartbeat() = to_operators.heartbeat();
   const SharedBytes bytes = Serialise(to_viewers);
   for (const auto& [sink, viewer] : viewers_) {
     if (viewer.greeted) sink->DeliverHeartbeat(bytes, viewer.dropped);

@@ -12,6 +12,7 @@
 #include "adhesim/v1/interaction_service.pb.h"
 #include "adhesim/v1/view_service.pb.h"
 #include "core/model/model.h"
+#include "server/encode.h"
 #include "server/session.h"
 
 namespace adhesim {
@@ -42,7 +43,7 @@ class ViewerSink {
 
 // Distributes one session's frames to its operators and viewers.
 //
-// A frame is made and serialised at most once for each encoding, and only when some viewer is due.
+// A frame is made and serialised at most once for each format, and only when some viewer is due.
 // A viewer is due when its own rate says so, it has not seen the newest frame, and fewer than
 // `credits` frames are under way to it. A viewer without credit loses the frame: when it
 // acknowledges, it gets the newest. (Measured: without credits, gRPC and TCP buffer seconds of
@@ -51,7 +52,7 @@ class Hub : public SessionObserver {
  public:
   struct ViewerOptions {
     double max_rate_hz = 60;
-    v1::PositionEncoding encoding = v1::POSITION_ENCODING_FLOAT32;
+    FrameFormat format;
     std::uint32_t credits = 2;  // 1..8
   };
 
@@ -100,9 +101,10 @@ class Hub : public SessionObserver {
 
   void DeliverFeedback(const SessionFrame& frame, int tool);
   void DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* viewer,
-                    std::map<v1::PositionEncoding, SharedBytes>* encoded);
+                    std::map<FrameFormat, SharedBytes>* encoded);
   bool IsDue(const Viewer& viewer, std::int64_t now_ns) const;
   void CountLost(Viewer* viewer, std::int64_t now_ns) const;
+  void AddRoster(v1::Heartbeat* heartbeat) const;
   SharedBytes Serialise(const v1::WatchResponse& response) const;
   void EndAll(const absl::Status& why);
   template <typename Response>

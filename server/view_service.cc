@@ -56,7 +56,16 @@ absl::StatusOr<Hub::ViewerOptions> CheckStart(const v1::WatchStart& start) {
     violations.push_back(
         {"start.encoding", absl::StrCat(static_cast<int>(start.encoding()), " is not known")});
   }
-  if (start.encoding() == v1::POSITION_ENCODING_Q16) options.encoding = v1::POSITION_ENCODING_Q16;
+  for (const int field : start.fields()) {
+    if (field == v1::FRAME_FIELD_STRAIN_ENERGY) {
+      options.format.strain_energy = true;
+    } else {
+      violations.push_back({"start.fields", absl::StrCat(field, " is not known")});
+    }
+  }
+  if (start.encoding() == v1::POSITION_ENCODING_Q16) {
+    options.format.positions = v1::POSITION_ENCODING_Q16;
+  }
   if (violations.empty()) return options;
   return Error(Reason::kArgumentInvalid,
                absl::StrCat(violations[0].field, ": ", violations[0].description), violations);

@@ -48,6 +48,7 @@ absl::Status Pipeline::CompileEffects() {
     detector_ = std::make_unique<Detector>(*model_, std::max(model_->adhesive->capture_distance_m,
                                                              model_->adhesive->release_distance_m));
   }
+  frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
   start_.effect_state.assign(state_size, 0);
   return absl::OkStatus();
 }

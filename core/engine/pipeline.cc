@@ -35,6 +35,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
     state_.tools[t].coupling = {coupling_impulse_[t].force_n * per_s,
                                 coupling_impulse_[t].torque_nm * per_s};
   }
+  has_forces_ = true;
   ++state_.step;
   state_.time_s = static_cast<double>(state_.step) * model_->dt_s;
   if (!Finite()) {
@@ -274,6 +275,7 @@ bool Pipeline::Finite() const {
 void Pipeline::Restore(const State& state) {
   state_ = state;
   frozen_ = false;
+  has_forces_ = false;
 }
 
 double Pipeline::MechanicalEnergy() const {
@@ -298,51 +300,15 @@ double Pipeline::SumElasticEnergy(std::span<double> effect_state, const ForceOut
 }
 
 Frame Pipeline::MakeFrame() const {
-  Frame frame;
-  frame.position_m.resize(3 * model_->rest_position_m.size());
-  frame.zone_of.resize(model_->rest_position_m.size());
-  frame.zones.reserve(model_->rest_position_m.size());
-  frame.tools.resize(model_->tools.size());
+  Frame frame = frame_writer_->Make();
   WriteFrame(&frame);
   return frame;
 }
 
 void Pipeline::WriteFrame(Frame* frame) const {
-  frame->step = state_.step;
-  frame->time_s = state_.time_s;
   frame->report = report_;
-  frame->kinetic_energy_j = state_.ledger.kinetic_j;
-  frame->colliding_particles = state_.contacts.colliding_particles;
-  for (std::size_t p = 0; p < state_.position_m.size(); ++p) {
-    for (int k = 0; k < 3; ++k)
-      frame->position_m[3 * p + k] = static_cast<float>(state_.position_m[p](k));
-    const int zone = state_.contacts.zone_of[p];
-    frame->zone_of[p] = zone >= 0 ? state_.contacts.zones[zone].id : -1;
-  }
-  frame->zones.clear();
-  for (ToolFrame& tool : frame->tools) {
-    tool.colliding_particles = 0;
-    tool.contact_area_m2 = 0;
-  }
-  for (const Zone& zone : state_.contacts.zones) {
-    frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
-    if (zone.tool < 0) continue;
-    ToolFrame& tool = frame->tools[zone.tool];
-    tool.colliding_particles += zone.count;
-    for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      tool.contact_area_m2 += model_->area_m2[state_.contacts.zone_members[k]];
-    }
-  }
-  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
-    const ToolState& tool = state_.tools[t];
-    ToolFrame& out = frame->tools[t];
-    out.pose = tool.pose;
-    out.target = tool.target;
-    out.twist = tool.twist;
-    out.tissue = tool.tissue;
-    out.coupling = tool.coupling;
-    out.flags = tool.flags;
-  }
+  frame_writer_->Write(state_, frame);
+  if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), frame);
 }
 
 namespace {

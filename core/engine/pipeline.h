@@ -8,6 +8,7 @@
 #include "core/contact/zone_builder.h"
 #include "core/effects/registry.h"
 #include "core/engine/engine.h"
+#include "core/engine/frame_writer.h"
 #include "core/engine/stage_clock.h"
 #include "core/engine/tool_contacts.h"
 #include "core/solve/ledger.h"
@@ -64,6 +65,7 @@ class Pipeline : public Engine {
   mutable Parallel parallel_;
   State state_, start_;
   bool frozen_ = false;
+  bool has_forces_ = false;  // those of the last sub-step belong to `state_`
   int substeps_ = 1;
   StepReport report_;
 
@@ -75,6 +77,7 @@ class Pipeline : public Engine {
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
+  std::unique_ptr<FrameWriter> frame_writer_;
   bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
   // Scratch.

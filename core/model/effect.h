@@ -59,6 +59,9 @@ class Effect {
   virtual unsigned force_kinds() const { return 0; }
   // Adds its forces and returns its elastic energy, J. Allocates nothing.
   virtual double AddForces(const ForceInput& in, const ForceOutput& out) const { return 0; }
+  // Adds to each particle [#particles] its share of the elastic energy of the last AddForces(), J;
+  // the shares sum to what that returned.
+  virtual void AddEnergies(std::span<double> energy_j) const {}
   // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N
   // s/m]: the explicit stability bound comes from them.
   virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}

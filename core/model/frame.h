@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -16,7 +17,8 @@ struct ToolFrame {
   Wrench coupling;  // force and torque of the virtual coupling on the tool, about the tip
   std::int32_t colliding_particles = 0;
   double contact_area_m2 = 0;  // area at rest of the particles that move with it
-  std::uint32_t flags = 0;     // ToolFlag bits
+  double depth_m = 0;  // mean way of those particles from rest along the tool's axis: > 0 pushed in
+  std::uint32_t flags = 0;  // ToolFlag bits
 };
 
 enum ToolFlag : std::uint32_t {
@@ -37,6 +39,13 @@ struct ZoneFrame {
   Vec3 centre_m = Vec3::Zero();
   double load = 0;  // largest member load over its strength; 1 lets go
 };
+
+// What contact exerts on a colliding particle.
+struct ContactForce {
+  std::uint32_t particle = 0;
+  std::array<float, 3> force_n{};
+};
+static_assert(sizeof(ContactForce) == 16);  // streamed as it is
 
 // Bits of StepReport::bits; each says which limit to raise.
 enum StepBit : std::uint32_t {
@@ -69,6 +78,12 @@ struct Frame {
   std::vector<ToolFrame> tools;       // [#tools]
   std::int32_t colliding_particles = 0;
   double kinetic_energy_j = 0;
+  // Of particles that can move and are deformable, ascending; capacity fixed, size varies. In the
+  // last sub-step.
+  std::vector<ContactForce> contact_forces;
+  // [#particles] each one's share of the elastic energy, J, where forces were evaluated last; empty
+  // when no effect is elastic.
+  std::vector<float> strain_energy_j;
 };
 
 }  // namespace adhesim

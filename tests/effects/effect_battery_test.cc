@@ -125,6 +125,19 @@ TEST_P(EffectBattery, InternalForcesSumToNothing) {
   }
 }
 
+TEST_P(EffectBattery, ParticlesShareTheElasticEnergy) {
+  Deform(0.05);
+  const double energy = Evaluate();
+  std::vector<double> share(x_.size(), 0);
+  effect_->AddEnergies(share);
+  double sum = 0;
+  for (double e : share) {
+    EXPECT_GE(e, 0);
+    sum += e;
+  }
+  EXPECT_NEAR(sum, energy, 1e-13 * energy);  // the same 162 numbers in another order
+}
+
 TEST_P(EffectBattery, FrictionTakesEnergy) {
   Deform(0.05);
   for (Vec3& v : v_) v = Random();

@@ -136,7 +136,7 @@ TEST_F(HubTest, IgnoresAcknowledgementsOfFramesThatWereNeverSent) {
 TEST_F(HubTest, SerialisesAFrameOnceForAllViewersOfAnEncoding) {
   FakeViewer a, b, q;
   Hub::ViewerOptions q16 = every_frame_;
-  q16.encoding = v1::POSITION_ENCODING_Q16;
+  q16.format.positions = v1::POSITION_ENCODING_Q16;
   ASSERT_TRUE(hub_.AddViewer(every_frame_, &a).ok());
   ASSERT_TRUE(hub_.AddViewer(every_frame_, &b).ok());
   ASSERT_TRUE(hub_.AddViewer(q16, &q).ok());
@@ -148,7 +148,7 @@ TEST_F(HubTest, SerialisesAFrameOnceForAllViewersOfAnEncoding) {
 TEST_F(HubTest, WritesPositionsAsFloatsOrAsSixteenBits) {
   FakeViewer f, q;
   Hub::ViewerOptions q16 = every_frame_;
-  q16.encoding = v1::POSITION_ENCODING_Q16;
+  q16.format.positions = v1::POSITION_ENCODING_Q16;
   ASSERT_TRUE(hub_.AddViewer(every_frame_, &f).ok());
   ASSERT_TRUE(hub_.AddViewer(q16, &q).ok());
   Step();

@@ -101,6 +101,12 @@ double CentreForm::AddForces(const ForceInput& in, const ForceOutput& out) const
   return energy;
 }
 
+// The whole energy of a cluster is its own particle's.
+void CentreForm::AddEnergies(std::span<double> energy_j) const {
+  for (std::size_t c = 0; c < energy_j_.size(); ++c)
+    energy_j[member_[cluster_start_[c]]] += energy_j_[c];
+}
+
 void CentreForm::EvaluateCluster(int c, const ForceInput& in) const {
   const int begin = cluster_start_[c], end = cluster_start_[c + 1];
   const int averaged = begin + 1;

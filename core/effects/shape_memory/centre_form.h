@@ -16,6 +16,7 @@ class CentreForm : public Effect {
   std::string_view name() const override { return "shape_memory"; }
   unsigned force_kinds() const override { return kElastic | (damping_n_s_m_ > 0 ? kDamping : 0u); }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override;
+  void AddEnergies(std::span<double> energy_j) const override;
   void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override;
   int state_size() const override { return 4 * cluster_count(); }  // R_i as quaternions x, y, z, w
   void InitialState(std::span<double> state) const override;

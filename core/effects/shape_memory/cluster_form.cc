@@ -147,6 +147,15 @@ double ClusterForm::AddForces(const ForceInput& in, const ForceOutput& out) cons
   return energy;
 }
 
+// The whole energy of a cluster is its centre's, the first member. Idle lanes have none.
+void ClusterForm::AddEnergies(std::span<double> energy_j) const {
+  for (std::size_t b = 0; b < batch_.size(); ++b) {
+    const ClusterEntry& centre = entry_[batch_[b].first_entry];
+    for (int lane = 0; lane < kLanes; ++lane)
+      energy_j[centre.particle[lane]] += energy_j_[b].v[lane];
+  }
+}
+
 void ClusterForm::EvaluateBatch(int b, const ForceInput& in) const {
   const ClusterBatch& batch = batch_[b];
   const std::span<const ClusterEntry> entries =

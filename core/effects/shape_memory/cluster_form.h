@@ -18,6 +18,7 @@ class ClusterForm : public Effect {
   std::string_view name() const override { return "shape_memory"; }
   unsigned force_kinds() const override { return kElastic | (damping_n_s_m_ > 0 ? kDamping : 0u); }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override;
+  void AddEnergies(std::span<double> energy_j) const override;
   void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override;
   // R_i of each lane: x, y, z, w.
   int state_size() const override { return static_cast<int>(batch_.size()) * 4 * kLanes; }

@@ -17,6 +17,7 @@ class ShapeMemoryEffect : public Effect {
   double AddForces(const ForceInput& in, const ForceOutput& out) const override {
     return form_->AddForces(in, out);
   }
+  void AddEnergies(std::span<double> energy_j) const override { form_->AddEnergies(energy_j); }
   void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override {
     form_->AddBounds(stiffness_n_m, damping_n_s_m);
   }

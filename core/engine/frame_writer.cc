@@ -1,0 +1,100 @@
+#include "core/engine/frame_writer.h"
+
+#include <algorithm>
+
+namespace adhesim {
+
+FrameWriter::FrameWriter(const Model& model, std::span<const std::unique_ptr<Effect>> effects)
+    : model_(model), collides_(model.rest_position_m.size()) {
+  for (const auto& effect : effects) {
+    if (effect->force_kinds() & kElastic) elastic_.push_back(effect.get());
+  }
+  if (!elastic_.empty()) energy_j_.resize(model.rest_position_m.size());
+}
+
+Frame FrameWriter::Make() const {
+  const std::size_t particles = model_.rest_position_m.size();
+  Frame frame;
+  frame.position_m.resize(3 * particles);
+  frame.zone_of.resize(particles);
+  frame.zones.reserve(particles);
+  frame.tools.resize(model_.tools.size());
+  frame.contact_forces.reserve(particles);
+  frame.strain_energy_j.resize(energy_j_.size());
+  return frame;
+}
+
+void FrameWriter::Write(const State& state, Frame* frame) const {
+  frame->step = state.step;
+  frame->time_s = state.time_s;
+  frame->kinetic_energy_j = state.ledger.kinetic_j;
+  frame->colliding_particles = state.contacts.colliding_particles;
+  for (std::size_t p = 0; p < state.position_m.size(); ++p) {
+    for (int k = 0; k < 3; ++k)
+      frame->position_m[3 * p + k] = static_cast<float>(state.position_m[p](k));
+    const int zone = state.contacts.zone_of[p];
+    frame->zone_of[p] = zone >= 0 ? state.contacts.zones[zone].id : -1;
+  }
+  frame->zones.clear();
+  for (const Zone& zone : state.contacts.zones) {
+    frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
+  }
+  frame->contact_forces.clear();
+  std::fill(frame->strain_energy_j.begin(), frame->strain_energy_j.end(), 0.0f);
+  WriteTools(state, frame);
+}
+
+void FrameWriter::WriteTools(const State& state, Frame* frame) const {
+  for (std::size_t t = 0; t < state.tools.size(); ++t) {
+    const ToolState& tool = state.tools[t];
+    ToolFrame& out = frame->tools[t];
+    out.pose = tool.pose;
+    out.target = tool.target;
+    out.twist = tool.twist;
+    out.tissue = tool.tissue;
+    out.coupling = tool.coupling;
+    out.flags = tool.flags;
+    out.colliding_particles = 0;
+    out.contact_area_m2 = 0;
+    out.depth_m = 0;
+  }
+  for (const Zone& zone : state.contacts.zones) {
+    if (zone.tool < 0) continue;
+    ToolFrame& tool = frame->tools[zone.tool];
+    const Vec3 inward = tool.pose.orientation * Vec3(0, 0, -1);  // from the shaft to the tip
+    tool.colliding_particles += zone.count;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state.contacts.zone_members[k];
+      tool.contact_area_m2 += model_.area_m2[p];
+      tool.depth_m += inward.dot(state.position_m[p] - model_.rest_position_m[p]);
+    }
+  }
+  for (ToolFrame& tool : frame->tools) {
+    if (tool.colliding_particles > 0) tool.depth_m /= tool.colliding_particles;
+  }
+}
+
+void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
+                              Frame* frame) const {
+  std::fill(energy_j_.begin(), energy_j_.end(), 0.0);
+  for (const Effect* effect : elastic_) effect->AddEnergies(energy_j_);
+  std::copy(energy_j_.begin(), energy_j_.end(), frame->strain_energy_j.begin());
+
+  // A fixed particle's load, and a rigid body's, is not of the contact alone.
+  const auto mark = [this](int p) {
+    if (p >= 0 && !model_.fixed[p] && !model_.bodies[model_.body_of[p]].rigid) collides_[p] = 1;
+  };
+  for (const Bond& bond : state.contacts.bonds) {
+    mark(bond.particle);
+    for (int p : bond.vertices) mark(p);
+  }
+  for (std::size_t p = 0; p < collides_.size(); ++p) {
+    if (!collides_[p]) continue;
+    collides_[p] = 0;
+    const Eigen::Vector3f force = -load_n[p].cast<float>();  // what carries the load
+    frame->contact_forces.push_back(
+        {static_cast<std::uint32_t>(p), {force.x(), force.y(), force.z()}});
+  }
+}
+
+}  // namespace adhesim
