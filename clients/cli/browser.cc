@@ -36,7 +36,7 @@ std::string FindProgram(const std::string& name) {
   const char* path = std::getenv("PATH");
   std::istringstream folders(path == nullptr ? "" : path);
   for (std::string folder; std::getline(folders, folder, ':');) {
-    const std::string candidate = absl::StrCat(folder, "/", name);
+    std::string candidate = absl::StrCat(folder, "/", name);
     if (access(candidate.c_str(), X_OK) == 0 && !fs::is_directory(candidate)) return candidate;
   }
   return "";
@@ -279,7 +279,7 @@ absl::Status Browser::Send(const std::string& message) {
     if (count > 0) {
       sent += count;
     } else if (errno == EAGAIN || errno == EINTR) {
-      const absl::Status status = Await(to_browser_, POLLOUT);
+      absl::Status status = Await(to_browser_, POLLOUT);
       if (!status.ok()) return status;
     } else {
       return absl::UnavailableError("the browser ended");
