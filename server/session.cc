@@ -112,6 +112,7 @@ void Session::Stop(const absl::Status& why) {
   stop_.store(true);
   command_waker_.Wake();
   step_thread_.join();
+  if (options_.step_observer) options_.step_observer->OnEnd();
   observer_stop_.store(true);
   observer_waker_.Wake();
   observer_thread_.join();
@@ -129,7 +130,7 @@ void Session::StepLoop() {
       release_ns = MonotonicNs();
       continue;
     }
-    StepOnce();
+    StepOnce(false);
     release_ns = NextRelease(release_ns);
     SleepUntil(release_ns);
   }
@@ -157,10 +158,10 @@ void Session::RunCommands() {
   while (!stop_.load(std::memory_order_relaxed) && commands_.Pop(&command)) {
     switch (command.kind) {
       case CommandKind::kPause:
-        if (stepping()) state_ = v1::SESSION_STATE_PAUSED;
+        if (stepping()) SetState(v1::SESSION_STATE_PAUSED);
         break;
       case CommandKind::kResume:
-        if (state_ == v1::SESSION_STATE_PAUSED) state_ = v1::SESSION_STATE_RUNNING;
+        if (state_ == v1::SESSION_STATE_PAUSED) SetState(v1::SESSION_STATE_RUNNING);
         break;
       case CommandKind::kStep:
         RunSteps(command.steps);
@@ -181,7 +182,7 @@ void Session::RunSteps(std::uint32_t steps) {
   if (options_.realtime) BecomePlain();
   for (std::uint32_t i = 0; i < steps && !stop_.load(std::memory_order_relaxed); ++i) {
     if (state_ == v1::SESSION_STATE_FROZEN) break;
-    StepOnce();
+    StepOnce(true);
   }
   if (options_.realtime) BecomeRealtime(kStepPriority);
 }
@@ -197,12 +198,13 @@ void Session::TakePoses() {
   }
 }
 
-void Session::StepOnce() {
+void Session::StepOnce(bool hurried) {
   const std::int64_t start_ns = MonotonicNs();
   TakePoses();
   const StepReport report = engine_->Step(inputs_);
   if (engine_->frozen()) {
     Freeze(report);
+    TellStep(hurried);
     return;
   }
   SessionFrame& slot = frames_.back();
@@ -218,6 +220,18 @@ void Session::StepOnce() {
   totals_.report_bits |= report.bits;
   timing_.step_duration_s = (MonotonicNs() - start_ns) * 1e-9;
   Publish();
+  TellStep(hurried);
+}
+
+// After the frame is out, so that nobody waits for the observer.
+void Session::TellStep(bool hurried) {
+  if (!options_.step_observer) return;
+  options_.step_observer->OnStep(*engine_, inputs_, frames_.published(), hurried);
+}
+
+void Session::SetState(v1::SessionState state) {
+  state_ = state;
+  if (options_.step_observer) options_.step_observer->OnState(state);
 }
 
 // Nothing of the frozen state is published: the last good frame stays, and says that the session is
@@ -246,6 +260,7 @@ void Session::Reset() {
   timing_ = SessionTiming{};
   engine_->WriteFrame(&frames_.back().frame);
   Publish();
+  if (options_.step_observer) options_.step_observer->OnReset(frames_.published());
 }
 
 // Hands over frames_.back(), whose `frame` is written.

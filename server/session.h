@@ -17,6 +17,7 @@
 #include "server/mailbox.h"
 #include "server/operator_watch.h"
 #include "server/realtime.h"
+#include "server/step_observer.h"
 
 namespace adhesim {
 
@@ -74,8 +75,9 @@ class SessionObserver {
 class Session {
  public:
   struct Options {
-    bool realtime = true;  // false: both threads stay in the plain class
-    bool paused = false;   // before the first step
+    bool realtime = true;                         // false: both threads stay in the plain class
+    bool paused = false;                          // before the first step
+    std::shared_ptr<StepObserver> step_observer;  // or null
   };
   enum class CommandKind { kPause, kResume, kStep, kReset };
   // Called on the observer thread when the command has been carried out, or never will be.
@@ -127,7 +129,10 @@ class Session {
   void StepLoop();
   void RunCommands();
   void RunSteps(std::uint32_t steps);
-  void StepOnce();
+  void SetState(v1::SessionState state);
+  // `hurried`: as part of RunSteps().
+  void StepOnce(bool hurried);
+  void TellStep(bool hurried);
   void TakePoses();
   void Reset();
   void Freeze(const StepReport& report);

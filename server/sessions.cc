@@ -89,10 +89,12 @@ v1::Session LiveSession::Describe() const {
   return message;
 }
 
-Sessions::Sessions(SceneSource source, const Limits& limits, bool realtime)
+Sessions::Sessions(SceneSource source, const Limits& limits, bool realtime,
+                   RecordingSource recordings)
     : source_(std::move(source)),
       limits_(limits),
       realtime_(realtime),
+      recordings_(std::move(recordings)),
       id_prefix_(RandomPrefix()) {}
 
 Sessions::~Sessions() { StopAll(Error(Reason::kDraining, "the server has stopped")); }
@@ -194,6 +196,15 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Create(
   Session::Options options;
   options.realtime = realtime_;
   options.paused = request.paused();
+  if (recordings_.record) {
+    absl::StatusOr<std::shared_ptr<StepObserver>> recorder =
+        recordings_.record(live->id, *scene, **engine);
+    if (recorder.ok()) {
+      options.step_observer = *std::move(recorder);
+    } else {
+      warnings->push_back(absl::StrCat("not recorded: ", recorder.status().message()));
+    }
+  }
   try {
     live->session = std::make_unique<Session>(*std::move(engine), options, live->hub.get());
   } catch (const std::exception& error) {

@@ -13,6 +13,7 @@
 #include "adhesim/v1/session_service.pb.h"
 #include "server/hub.h"
 #include "server/limits.h"
+#include "server/recording_source.h"
 #include "server/scene_source.h"
 #include "server/session.h"
 
@@ -34,7 +35,9 @@ struct LiveSession {
 // gRPC's threads.
 class Sessions {
  public:
-  Sessions(SceneSource source, const Limits& limits, bool realtime);
+  // `recordings` may be empty.
+  Sessions(SceneSource source, const Limits& limits, bool realtime,
+           RecordingSource recordings = {});
   ~Sessions();
 
   std::vector<OfferedScene> ListScenes() const { return source_.list(); }
@@ -56,6 +59,7 @@ class Sessions {
   void StopAll(const absl::Status& why);
 
   const Limits& limits() const { return limits_; }
+  const RecordingSource& recordings() const { return recordings_; }
 
  private:
   absl::StatusOr<ReadScene> ReadRequested(const v1::CreateSessionRequest& request) const;
@@ -65,6 +69,7 @@ class Sessions {
   const SceneSource source_;
   const Limits limits_;
   const bool realtime_;
+  const RecordingSource recordings_;
   const std::string id_prefix_;
   std::atomic<bool> draining_{false};
   PeerCounter per_peer_;

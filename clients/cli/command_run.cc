@@ -13,6 +13,7 @@
 #include "clients/cli/headless_run.h"
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
+#include "clients/cli/record_run.h"
 #include "clients/cli/run_report.h"
 #include "clients/cli/validators.h"
 
@@ -32,6 +33,8 @@ struct Arguments {
   int threads = 1;
   bool realtime = false;
   bool strict_realtime = false;
+  std::string record;
+  double frames_hz = 60;
   std::vector<std::string> settings;
   bool json = false;
 };
@@ -81,15 +84,32 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
   options.realtime = arguments.realtime || arguments.strict_realtime;
   options.one_thread = arguments.threads == 1;
   (*engine)->TimeStages(std::min(options.steps - options.measure_from, kMostTimedSteps));
+  std::unique_ptr<Recorder> recorder;
+  if (!arguments.record.empty()) {
+    absl::StatusOr<std::unique_ptr<Recorder>> begun =
+        RecordRun(arguments.record, arguments.frames_hz, *loaded, **engine);
+    if (!begun.ok()) {
+      std::cerr << "error: --record " << begun.status().message() << "\n";
+      return kExitBadInput;
+    }
+    recorder = *std::move(begun);
+    options.observer = recorder.get();
+  }
   StopOnSignals();
   const RunStatistics statistics = RunHeadless(engine->get(), options, stop_requested);
-  const Json report = RunReportJson(**engine, options, statistics, arguments.threads);
+  Json report = RunReportJson(**engine, options, statistics, arguments.threads);
+  if (recorder != nullptr) {
+    recorder->OnEnd();
+    report["recording"] = {{"file", arguments.record}, {"bytes", recorder->bytes_written()}};
+  }
   if (arguments.json) {
     PrintJson(report);
   } else {
     std::cout << RunReportText(report);
   }
   if (statistics.interrupted) return kExitInterrupted;
+  // What is wrong was said when it happened.
+  if (recorder != nullptr && !recorder->status().ok()) return kExitCheckFailed;
   if ((*engine)->frozen()) {
     std::cerr << "error: the state became non-finite in step " << statistics.steps << "\n";
     return kExitCheckFailed;
@@ -124,6 +144,15 @@ void AddRunCommand(CLI::App& app, int* exit_code) {
                     "Each step waits for its time; counts missed deadlines");
   command->add_flag("--strict-realtime", arguments->strict_realtime,
                     "As --realtime; ends with 4 if one was missed");
+  CLI::Option* record =
+      command->add_option("--record", arguments->record, "Writes a recording (.mcap) to this file")
+          ->type_name("FILE");
+  command
+      ->add_option("--record-frames", arguments->frames_hz,
+                   "Frames per simulated second in the recording")
+      ->check(Between(1e-3, 1e5))
+      ->needs(record)
+      ->capture_default_str();
   command
       ->add_option("--set", arguments->settings,
                    "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")

@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cmath>
 
+#include "server/session.h"
+
 namespace adhesim {
 namespace {
 
@@ -29,6 +31,43 @@ void SleepUntil(double time_s) {
 bool MayOverlap(const Model& model) {
   const auto closed = [](const Body& body) { return body.closed; };
   return model.bodies.size() > 1 && std::any_of(model.bodies.begin(), model.bodies.end(), closed);
+}
+
+// Sums of wall and processor time, ms.
+class Stopwatch {
+ public:
+  explicit Stopwatch(clockid_t cpu_clock) : cpu_clock_(cpu_clock) {}
+
+  template <typename Work>
+  void Time(const Work& work) {
+    const double cpu_before_s = Now(cpu_clock_);
+    const double wall_before_s = Now(CLOCK_MONOTONIC);
+    work();
+    wall_ms += 1e3 * (Now(CLOCK_MONOTONIC) - wall_before_s);
+    cpu_ms += 1e3 * (Now(cpu_clock_) - cpu_before_s);
+  }
+  double wall_ms = 0, cpu_ms = 0;
+
+ private:
+  clockid_t cpu_clock_;
+};
+
+// A frame as a session would have it.
+SessionFrame FirstFrame(const Engine& engine) {
+  SessionFrame frame;
+  frame.frame = engine.MakeFrame();
+  frame.newest_pose.resize(engine.model().tools.size());
+  frame.target_jumps.resize(engine.model().tools.size());
+  return frame;
+}
+
+void CountStep(const StepReport& report, SessionFrame* frame) {
+  frame->captures += report.captures;
+  frame->releases += report.releases;
+  frame->report_bits |= report.bits;
+  for (std::size_t i = 0; i < frame->frame.tools.size(); ++i) {
+    if (frame->frame.tools[i].flags & kToolTargetJumped) ++frame->target_jumps[i];
+  }
 }
 
 void Observe(const Engine& engine, const Frame& frame, bool sample, RunStatistics* statistics) {
@@ -69,7 +108,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
                           const std::atomic<bool>& stop) {
   RunStatistics statistics;
   statistics.peak_force_n.assign(engine->model().tools.size(), 0);
-  Frame frame = engine->MakeFrame();
+  SessionFrame seen = FirstFrame(*engine);
   const clockid_t cpu_clock =
       options.one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_PROCESS_CPUTIME_ID;
   const double dt_s = engine->model().dt_s;
@@ -80,12 +119,18 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
     statistics.interrupted = stop.load();
     if (statistics.interrupted) break;
 
-    const double cpu_before_s = Now(cpu_clock);
-    const double wall_before_s = Now(CLOCK_MONOTONIC);
-    statistics.report_bits |= engine->Step({}).bits;
-    const double wall_after_s = Now(CLOCK_MONOTONIC);
-    const double cpu_after_s = Now(cpu_clock);
+    Stopwatch clock(cpu_clock);
+    StepReport report;
+    clock.Time([&] { report = engine->Step({}); });
+    statistics.report_bits |= report.bits;
     ++statistics.steps;
+    if (options.observer != nullptr) {
+      if (!engine->frozen()) engine->WriteFrame(&seen.frame);
+      CountStep(report, &seen);
+      seen.timing.step_duration_s = 1e-3 * clock.wall_ms;
+      clock.Time([&] { options.observer->OnStep(*engine, {}, seen, !options.realtime); });
+    }
+    const double wall_after_s = Now(CLOCK_MONOTONIC);
 
     // A missed deadline is counted once: the schedule goes on from there, without a debt.
     due_s += dt_s;
@@ -93,11 +138,11 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
     if (missed) due_s = wall_after_s;
     if (step < options.measure_from) continue;
     if (missed) ++statistics.deadline_misses;
-    statistics.wall_ms.push_back(static_cast<float>(1e3 * (wall_after_s - wall_before_s)));
-    statistics.cpu_ms.push_back(static_cast<float>(1e3 * (cpu_after_s - cpu_before_s)));
-    engine->WriteFrame(&frame);
+    statistics.wall_ms.push_back(static_cast<float>(clock.wall_ms));
+    statistics.cpu_ms.push_back(static_cast<float>(clock.cpu_ms));
+    engine->WriteFrame(&seen.frame);
     const bool last = step + 1 == options.steps || engine->frozen();
-    Observe(*engine, frame, last || (step + 1) % kSampleEvery == 0, &statistics);
+    Observe(*engine, seen.frame, last || (step + 1) % kSampleEvery == 0, &statistics);
     if (engine->frozen()) break;
   }
   return statistics;

@@ -8,6 +8,7 @@
 #include "core/contact/penetration.h"
 #include "core/engine/engine.h"
 #include "core/model/diagnostics.h"
+#include "server/step_observer.h"
 
 namespace adhesim {
 
@@ -40,9 +41,10 @@ struct RunStatistics {
 
 struct RunOptions {
   std::uint64_t steps = 0;
-  std::uint64_t measure_from = 0;  // < steps
-  bool realtime = false;           // each step begins no earlier than its time
-  bool one_thread = true;          // the engine works on the calling thread only
+  std::uint64_t measure_from = 0;    // < steps
+  bool realtime = false;             // each step begins no earlier than its time
+  bool one_thread = true;            // the engine works on the calling thread only
+  StepObserver* observer = nullptr;  // records; its time counts as the step's
 };
 
 // Steps the engine until the end, a non-finite state, or `stop`.

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <string>
+
+#include "server/recording/mcap_writer.h"
+
+namespace adhesim {
+
+// Appends to a file that it makes (or empties, unless it must be new). InvalidArgument: the file
+// cannot be opened.
+absl::StatusOr<ByteSink> OpenFileSink(const std::string& path, bool must_be_new);
+
+}  // namespace adhesim

@@ -1,0 +1,109 @@
+#include "server/recording/recorded_scene.h"
+
+#include <absl/strings/str_cat.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+
+#include "core/scene/build_model.h"
+#include "core/scene/scene_file.h"
+#include "core/scene/validate.h"
+#include "server/recording/recording_directory.h"
+
+namespace adhesim {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A directory that only we can read; removed with its content.
+class PrivateDirectory {
+ public:
+  PrivateDirectory() = default;
+  PrivateDirectory(const PrivateDirectory&) = delete;
+  PrivateDirectory& operator=(const PrivateDirectory&) = delete;
+  ~PrivateDirectory() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+
+  absl::Status Make() {
+    std::error_code error;
+    std::string pattern = (fs::temp_directory_path(error) / "adhesim-replay-XXXXXX").string();
+    if (error || mkdtemp(pattern.data()) == nullptr) {
+      return absl::UnavailableError(
+          absl::StrCat("no temporary directory can be made: ", std::strerror(errno)));
+    }
+    path_ = pattern;
+    return absl::OkStatus();
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// The name in the scene decides how a file is read (".inr.gz"), and nothing else: where it is
+// written does not follow from it.
+std::string UnpackedName(std::size_t index, const std::string& name) {
+  const std::size_t part = name.find_last_of("/:\\");
+  const std::string last = part == name.npos ? name : name.substr(part + 1);
+  // The end is what matters.
+  return absl::StrCat(
+      index, "_", FileNamePart(last.substr(last.size() - std::min<std::size_t>(last.size(), 60))));
+}
+
+// Writes the file that a body names, and makes the body name that.
+absl::Status Unpack(const std::vector<SceneAsset>& assets, const std::string& directory,
+                    std::string* file) {
+  const auto asset = std::find_if(assets.begin(), assets.end(),
+                                  [&](const SceneAsset& a) { return a.name == *file; });
+  if (asset == assets.end()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the scene names the file \"", *file, "\", which is not attached"));
+  }
+  *file = UnpackedName(asset - assets.begin(), *file);
+  std::ofstream out(fs::path(directory) / *file, std::ios::binary);
+  out.write(asset->bytes.data(), static_cast<std::streamsize>(asset->bytes.size()));
+  out.close();
+  if (out) return absl::OkStatus();
+  return absl::UnavailableError(absl::StrCat("a mesh cannot be unpacked into ", directory));
+}
+
+absl::Status Refuse(const Problems& problems) {
+  std::string text = "the recorded scene is wrong";
+  for (const Problem& problem : problems) {
+    if (!problem.warning) absl::StrAppend(&text, "; ", problem.path, ": ", problem.message);
+  }
+  return absl::InvalidArgumentError(text);
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const Model>> BuildRecordedModel(
+    const RecordingBeginning& beginning) {
+  v1::Scene scene = beginning.scene;
+  const Problems problems = ValidateScene(scene);
+  if (!AllWarnings(problems)) return Refuse(problems);
+  PrivateDirectory directory;
+  if (absl::Status status = directory.Make(); !status.ok()) return status;
+  for (v1::Body& body : *scene.mutable_bodies()) {
+    absl::Status status;
+    if (body.has_mesh()) {
+      status = Unpack(beginning.assets, directory.path(), body.mutable_mesh()->mutable_file());
+    } else if (body.has_label_map()) {
+      status = Unpack(beginning.assets, directory.path(), body.mutable_label_map()->mutable_file());
+    }
+    if (!status.ok()) return status;
+  }
+  BuiltModel built = BuildModel(WithDefaults(scene), directory.path());
+  if (built.model == nullptr || !AllWarnings(built.problems)) return Refuse(built.problems);
+  return built.model;
+}
+
+}  // namespace adhesim

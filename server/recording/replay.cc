@@ -1,0 +1,187 @@
+#include "server/recording/replay.h"
+
+#include <absl/strings/str_cat.h>
+
+#include <deque>
+#include <memory>
+#include <utility>
+
+#include "adhesim/v1/recording.pb.h"
+#include "core/engine/engine.h"
+#include "server/pose_check.h"
+#include "server/recording/mcap_reader.h"
+#include "server/recording/recorded_scene.h"
+#include "server/recording/recorder.h"
+
+namespace adhesim {
+namespace {
+
+constexpr std::size_t kMostDamage = 100;
+
+// An engine that is fed the messages of a recording.
+class Player {
+ public:
+  Player(std::unique_ptr<Engine> engine, const ReplayOptions& options, ReplayResult* result)
+      : engine_(std::move(engine)),
+        options_(options),
+        inputs_(engine_->model().tools.size()),
+        result_(*result) {}
+
+  void TakeInputs(const McapMessage& message);
+  // Steps as often as there are hashes. False: the replay is over.
+  bool TakeHashes(const McapMessage& message);
+  void TakeEvent(const McapMessage& message);
+  std::uint64_t Hash() const { return RecordedHash(*engine_); }
+
+ private:
+  void Apply(const v1::StepInputs& inputs);
+  bool Decode(const v1::ToolInput& message, ToolInput* input) const;
+  bool Step(std::optional<std::uint64_t> expected);
+  void Damaged(const McapMessage& message, const std::string& what);
+
+  const std::unique_ptr<Engine> engine_;
+  const ReplayOptions& options_;
+  std::vector<ToolInput> inputs_;       // [#tools]
+  std::deque<v1::StepInputs> pending_;  // of steps to come
+  ReplayResult& result_;
+};
+
+void Player::Damaged(const McapMessage& message, const std::string& what) {
+  if (result_.damage.size() < kMostDamage) {
+    result_.damage.push_back({message.offset, what, message.log_time, message.log_time});
+  }
+}
+
+void Player::TakeInputs(const McapMessage& message) {
+  v1::StepInputs inputs;
+  if (!inputs.ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
+    return Damaged(message, "inputs that cannot be decoded");
+  }
+  pending_.push_back(std::move(inputs));
+}
+
+void Player::TakeEvent(const McapMessage& message) {
+  v1::Event event;
+  if (!event.ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) return;
+  if (event.kind() == v1::EVENT_KIND_TRUNCATED) result_.writer_was_behind = true;
+}
+
+// Recorded poses were checked, and their quaternions normalised; doing so again would change bits.
+// False: no session would have used it.
+bool Player::Decode(const v1::ToolInput& message, ToolInput* input) const {
+  *input = ToolInput{};
+  input->retracted = message.retracted();
+  if (message.has_strength_scale()) input->strength_scale = message.strength_scale();
+  if (!(input->strength_scale >= 0 && input->strength_scale <= 1)) return false;
+  if (!message.has_target()) return true;
+  if (!CheckPose(message.target()).ok()) return false;
+  const v1::Pose& pose = message.target();
+  input->has_target = true;
+  input->target.position_m = {pose.x_m(), pose.y_m(), pose.z_m()};
+  input->target.orientation = Quat(pose.qw(), pose.qx(), pose.qy(), pose.qz());
+  return true;
+}
+
+void Player::Apply(const v1::StepInputs& step) {
+  if (step.reset()) {
+    engine_->Reset();
+    inputs_.assign(inputs_.size(), ToolInput{});
+  }
+  for (const v1::ToolInput& message : step.tools()) {
+    ToolInput input;
+    // What cannot be applied shows as a difference of this step.
+    if (message.tool() < inputs_.size() && Decode(message, &input)) {
+      inputs_[message.tool()] = input;
+    }
+  }
+}
+
+bool Player::Step(std::optional<std::uint64_t> expected) {
+  const std::uint64_t index = result_.steps + 1;
+  while (!pending_.empty() && pending_.front().index() <= index) {
+    Apply(pending_.front());
+    pending_.pop_front();
+  }
+  engine_->Step(inputs_);
+  ++result_.steps;
+  if (!options_.verify) return true;
+  const std::uint64_t actual = Hash();
+  if (actual == expected) {
+    ++result_.verified;
+    return true;
+  }
+  result_.difference = {index, engine_->state().step, engine_->state().time_s, actual, expected};
+  return false;
+}
+
+bool Player::TakeHashes(const McapMessage& message) {
+  v1::StateHashes hashes;
+  if (!hashes.ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
+    Damaged(message, "hashes that cannot be decoded");
+    return true;
+  }
+  if (hashes.first_index() != result_.steps + 1) {
+    // Hashes are missing: how many steps, and with which inputs, is not known any more.
+    Damaged(message, absl::StrCat("hashes from step ", hashes.first_index(),
+                                  " on, expected those from step ", result_.steps + 1, " on"));
+    Step(std::nullopt);
+    return false;
+  }
+  for (const std::uint64_t hash : hashes.hashes()) {
+    result_.interrupted = options_.stop != nullptr && options_.stop->load();
+    if (result_.interrupted || !Step(hash)) return false;
+  }
+  return true;
+}
+
+// Feeds the player until the end of the recording or of the replay.
+absl::Status Play(McapReader* reader, Player* player, ReplayResult* result) {
+  McapMessage message;
+  bool playing = true;
+  while (true) {
+    const absl::StatusOr<bool> more = reader->Next(&message);
+    if (!more.ok()) return more.status();
+    if (!*more) return absl::OkStatus();
+    const auto channel = reader->channels().find(message.channel);
+    if (channel == reader->channels().end()) continue;
+    const std::string& topic = channel->second.topic;
+    if (topic == kFramesTopic) ++result->frames;
+    if (topic == kEventsTopic) player->TakeEvent(message);
+    if (!playing) {
+      if (result->interrupted) return absl::OkStatus();
+      continue;  // to the end, for what else is wrong with the file
+    }
+    if (topic == kInputsTopic) player->TakeInputs(message);
+    if (topic == kHashesTopic) playing = player->TakeHashes(message);
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<ReplayResult> Replay(const std::string& path, const ReplayOptions& options) {
+  absl::StatusOr<std::unique_ptr<McapReader>> reader = McapReader::Open(path);
+  if (!reader.ok()) return reader.status();
+  absl::StatusOr<RecordingBeginning> beginning = ReadBeginning(**reader, path);
+  if (!beginning.ok()) return beginning.status();
+  const absl::StatusOr<std::shared_ptr<const Model>> model = BuildRecordedModel(*beginning);
+  if (!model.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", model.status().message()));
+  }
+  absl::StatusOr<std::unique_ptr<Engine>> engine =
+      Engine::Create(*model, {.threads = options.threads});
+  if (!engine.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", engine.status().message()));
+  }
+  ReplayResult result;
+  result.about = beginning->about;
+  result.dt_s = (*model)->dt_s;
+  Player player(*std::move(engine), options, &result);
+  if (absl::Status status = Play(reader->get(), &player, &result); !status.ok()) return status;
+  result.final_hash = player.Hash();
+  result.truncated_at = (*reader)->truncated_at();
+  const std::vector<McapDamage>& damage = (*reader)->damage();
+  result.damage.insert(result.damage.begin(), damage.begin(), damage.end());
+  return result;
+}
+
+}  // namespace adhesim
