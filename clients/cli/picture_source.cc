@@ -12,6 +12,7 @@
 
 #include "adhesim/v1/view_service.pb.h"
 #include "clients/cli/load_scene.h"
+#include "clients/cli/record_run.h"
 #include "core/engine/engine.h"
 #include "server/encode.h"
 #include "server/recording/file_sink.h"
@@ -30,6 +31,7 @@ class InstantWriter {
       : dt_s_(engine.model().dt_s), writer_(std::move(sink), "", "adhesim " ADHESIM_VERSION) {
     RecordingAbout about;
     about.version = ADHESIM_VERSION;
+    about.build = BuildText();
     about.scene_name = scene_name;
     about.rate_hz = 1 / dt_s_;
     channels_ = WriteBeginning(about, engine.model().scene, {}, &writer_);
