@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -27,17 +26,16 @@ namespace {
 // Writes frames of an engine into a recording.
 class InstantWriter {
  public:
-  InstantWriter(ByteSink sink, const std::string& scene_name, const Engine& engine)
+  InstantWriter(ByteSink sink, const Engine& engine)
       : dt_s_(engine.model().dt_s), writer_(std::move(sink), "", "adhesim " ADHESIM_VERSION) {
     RecordingAbout about;
     about.version = ADHESIM_VERSION;
     about.build = BuildText();
-    about.scene_name = scene_name;
+    about.scene_name = engine.model().name;
     about.rate_hz = 1 / dt_s_;
     channels_ = WriteBeginning(about, engine.model().scene, {}, &writer_);
     v1::WatchResponse message;
     EncodeTopology(engine.model(), message.mutable_topology());
-    message.mutable_topology()->set_scene(scene_name);
     writer_.AddMessage(channels_.topology, 0, message.SerializeAsString());
     frame_.newest_pose.resize(engine.model().tools.size());
     frame_.target_jumps.resize(engine.model().tools.size());
@@ -86,7 +84,7 @@ absl::Status RecordInstants(const std::string& scene, const std::vector<std::str
   if (!sink.ok()) return sink.status();
 
   std::sort(times_s.begin(), times_s.end());
-  InstantWriter writer(*std::move(sink), std::filesystem::path(scene).stem().string(), **engine);
+  InstantWriter writer(*std::move(sink), **engine);
   writer.Write(**engine);
   std::int64_t step = 0;
   for (const double time_s : times_s) {
