@@ -124,7 +124,9 @@ absl::Status OpenPage(const Arguments& arguments, const std::string& address, Br
       ->Evaluate(R"(new Promise((done, fail) => {
         const look = () => {
           const page = window.adhesim;
-          if (page?.errors?.length) fail(new Error(page.errors.join('; ')));
+          const banner = document.querySelector('#banner[data-level="error"]:not([hidden])');
+          if (banner) fail(new Error(banner.textContent));
+          else if (page?.errors?.length) fail(new Error(page.errors.join('; ')));
           else if (page?.mode === 'recording') done(true);
           else setTimeout(look, 20);
         };

@@ -22,7 +22,7 @@ const session = async () => (await server.api.call('GetSession', {session: (awai
 
 // The 3-D view's middle, where the mouse is put.
 async function middle(of = page) {
-  const box = await of.locator('canvas').first().boundingBox();
+  const box = await of.locator('#canvas').boundingBox();
   return [box.x + box.width / 2, box.y + box.height / 2];
 }
 
@@ -90,7 +90,8 @@ test('Space pauses: the step counter stands, and HUD and API agree about that st
   // Both are computed from the same doubles; only the order of three additions may differ.
   assert.ok(Math.abs(now.hud.forceN - forceN) < 1e-12, `${now.hud.forceN} N in the page, ${forceN} N in the API`);
   assert.equal(now.hud.depthM, depthM);
-  // The text is rounded to the digits that it shows.
+  // The text is rounded to the digits that it shows, and written ten times a second.
+  await until('the text', () => page.textContent('#hud-step'), text => text.endsWith(` ${step}`));
   const shown = {force: await page.textContent('#hud-force'), depth: await page.textContent('#hud-depth')};
   const number = text => Number(text.match(/-?[0-9.]+/)[0]);
   const lastDigit = text => 10 ** -(text.match(/\.([0-9]*)/)?.[1].length ?? 0);
@@ -98,10 +99,12 @@ test('Space pauses: the step counter stands, and HUD and API agree about that st
   assert.ok(Math.abs(number(shown.force) - forceN) <= 0.51 * lastDigit(shown.force), shown.force);
   assert.match(shown.depth, / mm/);
   assert.ok(Math.abs(number(shown.depth) - 1e3 * depthM) <= 0.51 * lastDigit(shown.depth), shown.depth);
-  assert.match(await page.textContent('#hud-step'), new RegExp(String(step)));
 });
 
 test('the right arrow makes one step', async () => {
+  // While the tool is held, the arrows move it.
+  await page.keyboard.press('Escape');
+  await until('let go', () => account(page), ({role}) => role === 'viewer');
   const {step} = (await account(page)).hud;
   for (let i = 1; i <= 3; ++i) {
     await page.keyboard.press('ArrowRight');
@@ -149,6 +152,8 @@ test('colour maps and toggles change the picture', async () => {
 test('a second page watches, and is refused control', async () => {
   await page.keyboard.press('Space');
   await until('going on', async () => (await session()).state, state => state === 'SESSION_STATE_RUNNING');
+  await page.keyboard.press('g');
+  await until('control', () => account(page), ({role}) => role === 'controller');
   const {session: id} = await account(page);
   const second = await openPage(browser, `${server.url}/?session=${id}`);
   await until('a spectator', () => account(second.page), ({role}) => role === 'spectator');
@@ -156,8 +161,13 @@ test('a second page watches, and is refused control', async () => {
   const before = await target();
   await second.page.mouse.move(...await middle(second.page));
   await second.page.keyboard.press('g');
+  const refusal = await until('a refusal', () => second.page.textContent('#banner'), text => text.trim() !== '');
+  console.log(`the second page says: ${refusal}`);
   await second.page.mouse.wheel(0, 500);
+  // Nor may it stop time.
+  await second.page.keyboard.press('Space');
   await second.page.waitForTimeout(500);
+  assert.equal((await session()).state, 'SESSION_STATE_RUNNING');
   assert.equal((await account(second.page)).role, 'spectator');
   assert.equal((await account(page)).role, 'controller');
   assert.deepEqual(await target(), before);
