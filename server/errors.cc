@@ -45,12 +45,22 @@ Entry Find(Reason reason) {
       return {"STREAM_NOT_STARTED", Code::kInvalidArgument};
     case Reason::kStreamStartedTwice:
       return {"STREAM_STARTED_TWICE", Code::kInvalidArgument};
+    case Reason::kStreamInUse:
+      return {"STREAM_IN_USE", Code::kInvalidArgument};
     case Reason::kMessageTooLarge:
       return {"MESSAGE_TOO_LARGE", Code::kResourceExhausted};
+    case Reason::kMessageTooSlow:
+      return {"MESSAGE_TOO_SLOW", Code::kDeadlineExceeded};
+    case Reason::kHostRefused:
+      return {"HOST_REFUSED", Code::kPermissionDenied};
+    case Reason::kOriginRefused:
+      return {"ORIGIN_REFUSED", Code::kPermissionDenied};
     case Reason::kTooManySessions:
       return {"TOO_MANY_SESSIONS", Code::kResourceExhausted};
     case Reason::kTooManyStreams:
       return {"TOO_MANY_STREAMS", Code::kResourceExhausted};
+    case Reason::kTooManyConnections:
+      return {"TOO_MANY_CONNECTIONS", Code::kResourceExhausted};
     case Reason::kTooManyRequests:
       return {"TOO_MANY_REQUESTS", Code::kResourceExhausted};
     case Reason::kDraining:

@@ -66,13 +66,15 @@ void Hub::RemoveViewer(ViewerSink* sink) {
   viewers_.erase(sink);
 }
 
-void Hub::Acknowledge(ViewerSink* sink, std::uint64_t frames) {
+bool Hub::Acknowledge(ViewerSink* sink, std::uint64_t frames) {
   const std::lock_guard lock(mutex_);
   const auto found = viewers_.find(sink);
-  if (found == viewers_.end()) return;
+  if (found == viewers_.end()) return false;
   Viewer& viewer = found->second;
   // Never back, and never more than was sent.
-  viewer.acknowledged = std::max(viewer.acknowledged, std::min(frames, viewer.sent));
+  const std::uint64_t before = viewer.acknowledged;
+  viewer.acknowledged = std::max(before, std::min(frames, viewer.sent));
+  return viewer.acknowledged > before;
 }
 
 void Hub::AnnounceDraining() {
@@ -87,6 +89,10 @@ std::uint32_t Hub::viewers() const {
 
 std::vector<std::string> Hub::operated_tools() const {
   const std::lock_guard lock(mutex_);
+  return ListOperatedTools();
+}
+
+std::vector<std::string> Hub::ListOperatedTools() const {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < operators_.size(); ++i) {
     if (operators_[i].sink != nullptr) names.push_back(model_.tools[i].name);
@@ -195,25 +201,23 @@ void Hub::DeliverFrame(const SessionFrame& frame, ViewerSink* sink, Viewer* view
   sink->Deliver(bytes, viewer->dropped);
 }
 
-void Hub::AddRoster(v1::Heartbeat* heartbeat) const {
-  heartbeat->set_viewers(viewers_.size());
-  for (std::size_t i = 0; i < operators_.size(); ++i) {
-    if (operators_[i].sink != nullptr) heartbeat->add_operated_tools(model_.tools[i].name);
-  }
+void Hub::FillHeartbeat(const SessionFrame& frame, v1::Heartbeat* message) const {
+  EncodeHeartbeat(frame, draining_, message);
+  message->set_viewers(viewers_.size());
+  for (const std::string& tool : ListOperatedTools()) message->add_operated_tools(tool);
 }
 
 void Hub::OnHeartbeat(const SessionFrame& frame) {
   const std::lock_guard lock(mutex_);
   v1::InteractResponse to_operators;
   Stamp(frame, &to_operators);
-  EncodeHeartbeat(frame, draining_, to_operators.mutable_heartbeat());
-  AddRoster(to_operators.mutable_heartbeat());
+  FillHeartbeat(frame, to_operators.mutable_heartbeat());
   for (const Operator& seat : operators_) {
     if (seat.sink != nullptr && seat.greeted) seat.sink->Deliver(to_operators);
   }
   v1::WatchResponse to_viewers;
   Stamp(frame, &to_viewers);
-  *to_viewers.mutable_heartbeat() = to_operators.heartbeat();
+  FillHeartbeat(frame, to_viewers.mutable_heartbeat());
   const SharedBytes bytes = Serialise(to_viewers);
   for (const auto& [sink, viewer] : viewers_) {
     if (viewer.greeted) sink->DeliverHeartbeat(bytes, viewer.dropped);

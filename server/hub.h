@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "adhesim/v1/interaction_service.pb.h"
@@ -70,8 +71,9 @@ class Hub : public SessionObserver {
   // SessionFrozen, SessionDeleted.
   absl::Status AddViewer(const ViewerOptions& options, ViewerSink* sink);
   void RemoveViewer(ViewerSink* sink);
-  // `frames`: how many of its frames the viewer is done with, of all it was sent.
-  void Acknowledge(ViewerSink* sink, std::uint64_t frames);
+  // `frames`: how many of its frames the viewer is done with, of all it was sent. True when that
+  // says more than the last time: the viewer may be due.
+  bool Acknowledge(ViewerSink* sink, std::uint64_t frames);
 
   // Heartbeats say from now on that the server is going away.
   void AnnounceDraining();
@@ -104,9 +106,10 @@ class Hub : public SessionObserver {
                     std::map<FrameFormat, SharedBytes>* encoded);
   bool IsDue(const Viewer& viewer, std::int64_t now_ns) const;
   void CountLost(Viewer* viewer, std::int64_t now_ns) const;
-  void AddRoster(v1::Heartbeat* heartbeat) const;
   SharedBytes Serialise(const v1::WatchResponse& response) const;
   void EndAll(const absl::Status& why);
+  void FillHeartbeat(const SessionFrame& frame, v1::Heartbeat* message) const;
+  std::vector<std::string> ListOperatedTools() const;
   template <typename Response>
   void Stamp(const SessionFrame& frame, Response* response) const;
 

@@ -13,12 +13,13 @@ struct Limits {
   std::uint32_t sessions = 64;
   std::uint32_t sessions_per_peer = 32;
   std::uint32_t streams_per_peer = 256;
+  std::uint32_t connections_per_peer = 256;       // of the HTTP port
   std::uint64_t particles = 200'000;              // of a session
   std::uint32_t request_bytes = 16 << 20;         // scenes
   std::uint32_t stream_message_bytes = 64 << 10;  // poses and acknowledgements
 };
 
-// The host of a gRPC peer: "ipv4:10.0.0.7:5123" and all its other ports are one peer.
+// The host of a peer as gRPC writes it: "ipv4:10.0.0.7:5123" and all its other ports are one peer.
 std::string PeerHost(const std::string& peer);
 
 // Counts what each peer holds. Thread-safe.

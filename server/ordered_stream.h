@@ -5,6 +5,8 @@
 #include <absl/synchronization/mutex.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <optional>
+
 #include "server/grpc_status.h"
 
 namespace adhesim {
@@ -62,8 +64,28 @@ class OrderedStream : public grpc::ServerBidiReactor<Request, Response> {
   // No more requests come. May be called several times.
   virtual void Leave() = 0;
   // Puts the next message into `response`; false when there is none.
-  virtual bool Next(Response* response) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) = 0;
+  virtual bool Next(Response* response) = 0;
+  // Why the server's side has ended; nothing while it goes on.
+  virtual std::optional<absl::Status> Ended() const = 0;
 
+  // Next() or Ended() may have something. Any thread.
+  void Wake() {
+    if (const std::optional<absl::Status> why = Ended()) {
+      Close(*why);
+    } else {
+      absl::MutexLock lock(&mutex_);
+      Continue();
+    }
+  }
+
+  void Close(const absl::Status& status) {
+    absl::MutexLock lock(&mutex_);
+    if (!closing_) status_ = ToGrpcStatus(status);
+    closing_ = true;
+    Continue();
+  }
+
+ private:
   // Starts a write when none is under way, or ends the stream when it is closing.
   void Continue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (writing_ || finished_) return;
@@ -76,16 +98,7 @@ class OrderedStream : public grpc::ServerBidiReactor<Request, Response> {
     }
   }
 
-  void Close(const absl::Status& status) {
-    absl::MutexLock lock(&mutex_);
-    if (!closing_) status_ = ToGrpcStatus(status);
-    closing_ = true;
-    Continue();
-  }
-
   absl::Mutex mutex_;
-
- private:
   Request request_;
   Response response_ ABSL_GUARDED_BY(mutex_);
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;

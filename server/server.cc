@@ -17,6 +17,7 @@
 #include "server/service_context.h"
 #include "server/session_service.h"
 #include "server/view_service.h"
+#include "server/web/web_server.h"
 
 namespace adhesim {
 namespace {
@@ -58,64 +59,35 @@ void Configure(const Limits& limits, grpc::ServerBuilder* builder) {
 
 // In the order of construction; destroyed the other way round.
 struct Server::Parts {
-  Parts(const Options& options, SceneSource scenes, SessionService::About about)
-      : sessions(std::move(scenes), options.limits, options.realtime, options.recording),
+  Parts(const Options& options, SceneSource scenes, SessionCalls::About about)
+      : sessions(std::move(scenes), options.limits, options.realtime, options.recordings),
         context{sessions, {}},
-        about_copy(about),
-        session_service(&context, std::move(about)),
+        calls(&context, std::move(about)),
+        session_service(&calls),
         interaction_service(&context),
         view_service(&context),
         recording_service(&context) {}
 
   Sessions sessions;
   ServiceContext context;
-  const SessionService::About about_copy;
+  SessionCalls calls;
   SessionService session_service;
   InteractionService interaction_service;
   ViewService view_service;
   RecordingService recording_service;
+  std::unique_ptr<WebServer> web;
   std::unique_ptr<grpc::Server> server;
 };
-
-// "host:port" with a port of 0 to 65535, or "unix:path". gRPC itself takes what it can and serves
-// elsewhere.
-absl::Status CheckListen(const std::string& listen) {
-  if (listen.starts_with("unix:")) return absl::OkStatus();
-  const std::size_t colon = listen.rfind(':');
-  const std::string port = colon == std::string::npos ? "" : listen.substr(colon + 1);
-  const bool digits =
-      !port.empty() && port.size() <= 5 &&
-      std::all_of(port.begin(), port.end(), [](char c) { return c >= '0' && c <= '9'; });
-  if (colon == 0 || !digits || std::stoi(port) > 65535) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--listen ", listen,
-                     ": not an address and a port (HOST:PORT, port 0 to 65535; 0 picks one)"));
-  }
-  return absl::OkStatus();
-}
-
-bool IsLoopback(const std::string& listen) {
-  if (listen.starts_with("unix:")) return true;
-  const std::string host = listen.substr(0, listen.rfind(':'));
-  // "127." alone would let the name 127.example.org through.
-  const bool v4 = host.starts_with("127.") && host.find_first_not_of("0123456789.") == host.npos;
-  return v4 || host == "localhost" || host == "[::1]";
-}
 
 Server::Server(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
 Server::~Server() { Shutdown(0); }
 
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, SceneSource scenes) {
-  if (absl::Status status = CheckListen(options.listen); !status.ok()) return status;
-  if (!IsLoopback(options.listen) && !options.insecure_listen) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        options.listen,
-        " can be reached from other machines, and nothing here asks who they are "
-        "or encrypts what they send: use 127.0.0.1, or --insecure-listen in a network you trust"));
-  }
+  absl::Status status = CheckListen("--listen", options.listen, options.insecure_listen);
+  if (!status.ok()) return status;
   EnablePlugins();
-  SessionService::About about;
+  SessionCalls::About about;
   about.version = options.version;
   if (options.realtime) {
     about.realtime_class = ProbeRealtimeClass();
@@ -138,6 +110,16 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, Sc
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options.listen,
                                                ": the port is taken, or the address is not ours"));
   }
+  if (!options.http.empty()) {
+    WebServer::Options web;
+    web.listen = options.http;
+    web.insecure_listen = options.insecure_listen;
+    absl::StatusOr<std::unique_ptr<WebServer>> started =
+        WebServer::Start(web, &parts.context, &parts.calls);
+    if (!started.ok()) return started.status();
+    parts.web = *std::move(started);
+    result->http_address_ = parts.web->address();
+  }
   result->address_ = options.listen;
   if (!is_unix) {
     result->address_ = absl::StrCat(options.listen.substr(0, options.listen.rfind(':') + 1), port);
@@ -146,7 +128,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, Sc
 }
 
 std::string Server::realtime_class() const {
-  switch (parts_->about_copy.realtime_class) {
+  switch (parts_->calls.about().realtime_class) {
     case RealtimeClass::kFifo:
       return "fifo";
     case RealtimeClass::kShortSlice:
@@ -157,7 +139,7 @@ std::string Server::realtime_class() const {
   return "";
 }
 
-bool Server::memory_locked() const { return parts_->about_copy.memory_locked; }
+bool Server::memory_locked() const { return parts_->calls.about().memory_locked; }
 
 void Server::Shutdown(double grace_s, const std::atomic<bool>* hurry) {
   if (parts_->server == nullptr) return;
@@ -169,7 +151,9 @@ void Server::Shutdown(double grace_s, const std::atomic<bool>* hurry) {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   parts_->sessions.StopAll(Error(Reason::kDraining, "the server is going away; try another"));
-  // Streams were finished by that; this waits for it, and cancels whatever is still open.
+  // Streams were ended by that; clients are told, and then their connections end.
+  if (parts_->web != nullptr) parts_->web->Stop();
+  // Over gRPC, this waits for it, and cancels whatever is still open.
   parts_->server->Shutdown(std::chrono::system_clock::now() + kCancelAfter);
   parts_->server->Wait();
   parts_->server.reset();

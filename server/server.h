@@ -7,21 +7,24 @@
 #include <string>
 
 #include "server/limits.h"
+#include "server/listen.h"
 #include "server/recording_source.h"
 #include "server/scene_source.h"
+#include "server/session_calls.h"
 
 namespace adhesim {
 
-// The service on a port.
+// The service on its ports.
 class Server {
  public:
   struct Options {
     std::string listen = "127.0.0.1:50051";  // HOST:PORT; port 0: a free one
     bool insecure_listen = false;            // permits addresses that other machines reach
+    std::string http;                        // HOST:PORT of the page and WebSockets; empty: none
     bool realtime = true;                    // false: threads stay in the plain class
     std::string version;
     Limits limits;
-    RecordingSource recording;  // empty: nothing is recorded
+    RecordingSource recordings;  // empty: nothing is recorded
   };
 
   // Errors: InvalidArgument for an address that is not loopback without `insecure_listen`;
@@ -32,6 +35,8 @@ class Server {
 
   // Where it listens: HOST:PORT with the port that was picked.
   const std::string& address() const { return address_; }
+  // Likewise for HTTP; empty: nowhere.
+  const std::string& http_address() const { return http_address_; }
   // "fifo", "short slice", "plain".
   std::string realtime_class() const;
   bool memory_locked() const;
@@ -48,9 +53,7 @@ class Server {
 
   std::unique_ptr<Parts> parts_;
   std::string address_;
+  std::string http_address_;
 };
-
-// True for 127.0.0.0/8, localhost, [::1] and unix sockets.
-bool IsLoopback(const std::string& listen);
 
 }  // namespace adhesim

@@ -2,59 +2,73 @@
 
 #include <grpcpp/support/server_callback.h>
 
-#include <functional>
-#include <string>
-
 #include "adhesim/v1/session_service.grpc.pb.h"
-#include "server/service_context.h"
-#include "server/workers.h"
+#include "server/grpc_status.h"
+#include "server/session_calls.h"
 
 namespace adhesim {
 
-// Everything about sessions but their streams. Work that may take long is done by workers.
+// A call over gRPC, answered by `calls`.
+template <typename Request, typename Response>
+grpc::ServerUnaryReactor* AnswerCall(SessionCalls* calls, grpc::CallbackServerContext* call,
+                                     const Request* request, Response* response) {
+  grpc::ServerUnaryReactor* reactor = call->DefaultReactor();
+  const SessionCalls::Caller caller{call->peer(), [call] { return call->IsCancelled(); }};
+  calls->Handle(caller, *request, response,
+                [reactor](const absl::Status& status) { reactor->Finish(ToGrpcStatus(status)); });
+  return reactor;
+}
+
+// Everything about sessions but their streams, over gRPC.
 class SessionService final : public v1::SessionService::CallbackService {
  public:
-  struct About {
-    std::string version;
-    RealtimeClass realtime_class = RealtimeClass::kPlain;
-    bool memory_locked = false;
-  };
-
-  SessionService(ServiceContext* context, About about);
+  explicit SessionService(SessionCalls* calls) : calls_(calls) {}
 
   using Call = grpc::CallbackServerContext;
   using Reactor = grpc::ServerUnaryReactor;
   Reactor* ListScenes(Call* call, const v1::ListScenesRequest* request,
-                      v1::ListScenesResponse* response) override;
+                      v1::ListScenesResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* CreateSession(Call* call, const v1::CreateSessionRequest* request,
-                         v1::CreateSessionResponse* response) override;
+                         v1::CreateSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* GetSession(Call* call, const v1::GetSessionRequest* request,
-                      v1::GetSessionResponse* response) override;
+                      v1::GetSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* ListSessions(Call* call, const v1::ListSessionsRequest* request,
-                        v1::ListSessionsResponse* response) override;
+                        v1::ListSessionsResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* DeleteSession(Call* call, const v1::DeleteSessionRequest* request,
-                         v1::DeleteSessionResponse* response) override;
+                         v1::DeleteSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* PauseSession(Call* call, const v1::PauseSessionRequest* request,
-                        v1::PauseSessionResponse* response) override;
+                        v1::PauseSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* ResumeSession(Call* call, const v1::ResumeSessionRequest* request,
-                         v1::ResumeSessionResponse* response) override;
+                         v1::ResumeSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* StepSession(Call* call, const v1::StepSessionRequest* request,
-                       v1::StepSessionResponse* response) override;
+                       v1::StepSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* ResetSession(Call* call, const v1::ResetSessionRequest* request,
-                        v1::ResetSessionResponse* response) override;
+                        v1::ResetSessionResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
   Reactor* GetServerInfo(Call* call, const v1::GetServerInfoRequest* request,
-                         v1::GetServerInfoResponse* response) override;
+                         v1::GetServerInfoResponse* response) override {
+    return AnswerCall(calls_, call, request, response);
+  }
 
  private:
-  // Answers with the status of `work`, done by a worker.
-  Reactor* Later(Call* call, std::function<absl::Status()> work);
-  // Answers when the session has carried out the command.
-  Reactor* Command(Call* call, const std::string& session, Session::CommandKind kind,
-                   std::uint32_t steps, v1::Session* described);
-
-  ServiceContext* const context_;
-  const About about_;
-  Workers workers_;
+  SessionCalls* const calls_;
 };
 
 }  // namespace adhesim

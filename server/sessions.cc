@@ -63,7 +63,9 @@ absl::Status TooLarge(std::uint64_t particles, std::uint64_t limit) {
 
 std::uint64_t EstimateParticles(const v1::Scene& scene) {
   std::uint64_t sum = 0;
-  for (const v1::Body& body : scene.bodies()) sum += EstimateParticles(body);
+  for (const v1::Body& body : scene.bodies()) {
+    sum += EstimateParticles(body) * (body.has_copies() ? body.copies().count() : 1);
+  }
   return sum;
 }
 

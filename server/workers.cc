@@ -10,16 +10,20 @@ Workers::Workers(int threads, std::size_t capacity) : capacity_(capacity) {
 
 Workers::~Workers() {
   {
-    absl::MutexLock lock(&mutex_);
+    const std::lock_guard lock(mutex_);
     ending_ = true;
   }
+  ready_.notify_all();
   for (std::thread& thread : threads_) thread.join();
 }
 
 bool Workers::Post(std::function<void()> work) {
-  absl::MutexLock lock(&mutex_);
-  if (ending_ || waiting_.size() >= capacity_) return false;
-  waiting_.push_back(std::move(work));
+  {
+    const std::lock_guard lock(mutex_);
+    if (ending_ || waiting_.size() >= capacity_) return false;
+    waiting_.push_back(std::move(work));
+  }
+  ready_.notify_one();
   return true;
 }
 
@@ -27,11 +31,8 @@ void Workers::Loop() {
   while (true) {
     std::function<void()> work;
     {
-      absl::MutexLock lock(&mutex_);
-      const auto ready = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-        return ending_ || !waiting_.empty();
-      };
-      mutex_.Await(absl::Condition(&ready));
+      std::unique_lock lock(mutex_);
+      ready_.wait(lock, [this] { return ending_ || !waiting_.empty(); });
       if (waiting_.empty()) return;
       work = std::move(waiting_.front());
       waiting_.pop_front();

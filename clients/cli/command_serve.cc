@@ -135,6 +135,7 @@ void PrintWhere(const ServeOptions& options, const Server& server, const Offered
   if (options.json) {
     nlohmann::ordered_json where;
     where["grpc"] = server.address();
+    if (!server.http_address().empty()) where["http"] = server.http_address();
     where["realtime_class"] = server.realtime_class();
     where["memory_locked"] = server.memory_locked();
     where["scenes"] = offered.size();
@@ -143,9 +144,13 @@ void PrintWhere(const ServeOptions& options, const Server& server, const Offered
     std::cout << "serving gRPC on " << server.address() << " (" << offered.size()
               << " scenes, real-time class: " << server.realtime_class() << ", memory "
               << (server.memory_locked() ? "locked" : "not locked") << ")" << std::endl;
+    if (!server.http_address().empty()) {
+      std::cout << "open http://" << server.http_address() << "/ in a browser" << std::endl;
+    }
   }
-  if (options.server.insecure_listen && !IsLoopback(options.server.listen)) {
-    std::cerr << "warning: " << server.address()
+  for (const std::string& address : {server.address(), server.http_address()}) {
+    if (address.empty() || IsLoopback(address)) continue;
+    std::cerr << "warning: " << address
               << " can be reached from other machines, without encryption or authentication: "
                  "anyone there can create "
                  "sessions, drive tools and watch. Use it in a network you trust only.\n";
@@ -223,7 +228,7 @@ ExitCode Serve(ServeOptions options) {
       std::cerr << "error: --record " << recordings.status().message() << "\n";
       return kExitBadInput;
     }
-    options.server.recording = SourceOf(*recordings);
+    options.server.recordings = SourceOf(*recordings);
   }
   const std::string directory = options.directory.empty() && !options.scenes.empty()
                                     ? fs::path(options.scenes[0]).parent_path().string()
@@ -241,7 +246,8 @@ ExitCode Serve(ServeOptions options) {
 }  // namespace
 
 void AddServeCommand(CLI::App& app, int* exit_code) {
-  CLI::App* command = app.add_subcommand("serve", "The service: sessions of scenes, over gRPC");
+  CLI::App* command =
+      app.add_subcommand("serve", "The service: sessions of scenes, over gRPC and to browsers");
   auto options = std::make_shared<ServeOptions>();
   options->server.version = ADHESIM_VERSION;
   command->add_option("SCENE", options->scenes,
@@ -254,6 +260,10 @@ void AddServeCommand(CLI::App& app, int* exit_code) {
       ->add_option("--listen", options->server.listen,
                    "HOST:PORT for gRPC; port 0 picks a free one")
       ->capture_default_str();
+  command->add_option(
+      "--http", options->server.http,
+      "HOST:PORT for browsers: the viewer's page and WebSockets; port 0 picks a free "
+      "one (default: none)");
   command->add_flag(
       "--insecure-listen", options->server.insecure_listen,
       "Permit an address that other machines can reach, without encryption or authentication");

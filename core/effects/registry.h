@@ -24,7 +24,7 @@ std::vector<int> SelectBodies(const Model& model, const Names& names, const Acce
   std::vector<int> selected;
   for (int b = 0; b < static_cast<int>(model.bodies.size()); ++b) {
     bool named = false;
-    for (const auto& name : names) named = named || name == model.bodies[b].name;
+    for (const auto& name : names) named = named || name == model.bodies[b].scene_name;
     if (named || (names.empty() && accepts(model.bodies[b]))) selected.push_back(b);
   }
   return selected;

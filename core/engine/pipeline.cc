@@ -3,7 +3,6 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace adhesim {
@@ -309,64 +308,6 @@ void Pipeline::WriteFrame(Frame* frame) const {
   frame->report = report_;
   frame_writer_->Write(state_, frame);
   if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), frame);
-}
-
-namespace {
-
-// A 64-bit running hash of words (multiply and fold, as in wyhash).
-class Hasher {
- public:
-  void Add(std::uint64_t word) {
-    const auto product = static_cast<unsigned __int128>(hash_ ^ word) * 0x9e3779b97f4a7c15ull;
-    hash_ = static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64) ^
-            (word << 1);
-  }
-  void Add(double value) { Add(std::bit_cast<std::uint64_t>(value)); }
-  void Add(const Vec3& v) {
-    for (int k = 0; k < 3; ++k) Add(v(k));
-  }
-  void Add(const Pose& pose) {
-    Add(pose.position_m);
-    for (int k = 0; k < 4; ++k) Add(pose.orientation.coeffs()(k));
-  }
-  std::uint64_t value() const { return hash_; }
-
- private:
-  std::uint64_t hash_ = 0x243f6a8885a308d3ull;
-};
-
-}  // namespace
-
-std::uint64_t Pipeline::StateHash() const {
-  Hasher hash;
-  hash.Add(state_.step);
-  for (const Vec3& x : state_.position_m) hash.Add(x);
-  for (const Vec3& v : state_.velocity_m_s) hash.Add(v);
-  for (double value : state_.effect_state) hash.Add(value);
-  for (const Zone& zone : state_.contacts.zones) {
-    hash.Add(static_cast<std::uint64_t>(zone.id));
-    hash.Add(zone.momentum_kg_m_s);
-    hash.Add(zone.angular_momentum_kg_m2_s);
-  }
-  for (int zone : state_.contacts.zone_of) hash.Add(static_cast<std::uint64_t>(zone));
-  for (const Bond& bond : state_.contacts.bonds) {
-    for (int value : {bond.particle, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1],
-                      bond.vertices[2]}) {
-      hash.Add(static_cast<std::uint64_t>(value));
-    }
-  }
-  for (const ReleasedPair& pair : state_.contacts.released) {
-    hash.Add(static_cast<std::uint64_t>(pair.particle));
-    hash.Add(static_cast<std::uint64_t>(pair.other));
-    hash.Add(pair.gap_m);
-  }
-  for (const ToolState& tool : state_.tools) {
-    hash.Add(tool.pose);
-    hash.Add(tool.twist.linear_m_s);
-    hash.Add(tool.twist.angular_rad_s);
-    hash.Add(tool.target);
-  }
-  return hash.value();
 }
 
 }  // namespace adhesim

@@ -10,6 +10,7 @@
 #include "core/engine/engine.h"
 #include "core/engine/frame_writer.h"
 #include "core/engine/stage_clock.h"
+#include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
 #include "core/solve/ledger.h"
 #include "core/solve/subspace_solver.h"
@@ -35,7 +36,7 @@ class Pipeline : public Engine {
   void Restore(const State& state) override;
   Frame MakeFrame() const override;
   void WriteFrame(Frame* frame) const override;
-  std::uint64_t StateHash() const override;
+  std::uint64_t StateHash() const override { return HashState(state_); }
   double MechanicalEnergy() const override;
   std::span<const Stage> stages() const override { return clock_.stages(); }
   void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }

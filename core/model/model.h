@@ -15,6 +15,7 @@ namespace adhesim {
 // One body: a contiguous range of the model's particles and of its triangles.
 struct Body {
   std::string name;
+  std::string scene_name;  // of the scene's body that it is, or is a copy of
   bool rigid = false;      // all its particles are one rigid zone
   bool closed = false;     // its surface encloses a volume
   bool all_fixed = false;  // none of its particles can move: an obstacle

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "core/scene/copies.h"
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/generate.h"
@@ -72,6 +73,30 @@ std::string SurfacePath(const v1::Body& body, const std::string& path) {
                       body.has_mesh() || body.has_label_map() ? ".file" : "");
 }
 
+void BuildCopies(const v1::Body& body, const TriangleMesh& mesh, const std::string& path,
+                 Model* model, Problems* problems) {
+  // Different bodies of a scene do not share their places.
+  const absl::StatusOr<std::vector<CopyPlace>> places =
+      PlaceCopies(body.copies(), model->seed + model->bodies.size());
+  if (!places.ok()) {
+    problems->push_back({path + ".copies", std::string(places.status().message())});
+    return;
+  }
+  const Vec3 position_m = Vec3Of(body, "position_m");
+  v1::Body copy = body;
+  for (std::size_t i = 0; i < places->size() && !HasError(*problems); ++i) {
+    copy.set_name(absl::StrCat(body.name(), "-", i + 1));
+    copy.clear_position_m();
+    copy.clear_rotation_deg();
+    for (int k = 0; k < 3; ++k) {
+      copy.add_position_m(position_m(k) + (*places)[i].offset_m(k));
+      copy.add_rotation_deg((*places)[i].rotation_deg(k));
+    }
+    PlaceBody(copy, mesh, path, model, problems);
+    model->bodies.back().scene_name = body.name();
+  }
+}
+
 void BuildBody(const v1::Body& body, int index, const std::string& directory, Model* model,
                Problems* problems) {
   const std::string path = absl::StrCat("bodies[", index, "]");
@@ -81,7 +106,8 @@ void BuildBody(const v1::Body& body, int index, const std::string& directory, Mo
     problems->push_back({surface_path, std::string(mesh.status().message())});
     return;
   }
-  const auto particles = model->particle_count() + mesh->vertices.size();
+  const std::uint64_t copies = body.has_copies() ? body.copies().count() : 1;
+  const auto particles = model->particle_count() + copies * mesh->vertices.size();
   if (particles > kMaxParticles) {
     problems->push_back(
         {surface_path, absl::StrCat("brings the scene to ", particles, " particles; at most ",
@@ -93,7 +119,13 @@ void BuildBody(const v1::Body& body, int index, const std::string& directory, Mo
   for (const MeshFlaw& flaw : CheckMesh(*mesh).flaws) {
     found.push_back({surface_path, absl::StrCat(file, flaw.message), flaw.warning});
   }
-  if (!HasError(found)) PlaceBody(body, *mesh, path, model, &found);
+  if (!HasError(found)) {
+    if (body.has_copies()) {
+      BuildCopies(body, *mesh, path, model, &found);
+    } else {
+      PlaceBody(body, *mesh, path, model, &found);
+    }
+  }
   problems->insert(problems->end(), found.begin(), found.end());
 }
 

@@ -133,7 +133,7 @@ Mat3 RotationFromDegrees(const Vec3& degrees) {
 void PlaceBody(const v1::Body& body, const TriangleMesh& mesh, const std::string& path,
                Model* model, Problems* problems) {
   Body placed;
-  placed.name = body.name();
+  placed.name = placed.scene_name = body.name();
   placed.rigid = static_cast<int>(NumberOf(body, "kind")) == v1::BODY_KIND_RIGID;
   placed.first_particle = model->particle_count();
   placed.particle_count = static_cast<int>(mesh.vertices.size());

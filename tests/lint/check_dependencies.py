@@ -26,16 +26,22 @@ ALLOWED = {
     "core/study": ["core/model", "core/engine", *CORE_PARTS, PROTO_DATA],
     # The server knows no physics: it asks the reader for a model and the engine for steps.
     "server": ["core/model", "core/scene", "core/engine", PROTO],
+    "server/web": ["core/model", "server", PROTO],
     "server/recording": ["core/model", "core/scene", "core/engine", "server", PROTO],
     "clients": [PROTO],
     "clients/cli": None,
     "tests": None,
 }
 
+# Sources that put parts of their folder together, and what they may include besides.
+COMPOSERS = {"server/server.cc": ["server/web"]}
+
 DATA_MESSAGES = re.compile(r"^adhesim/v1/(options|scene|frame)\.pb\.h$")
 GENERATED = re.compile(r"^(adhesim|google/rpc)/.*\.pb\.h$")
 GRPC = re.compile(r"^(grpc|grpcpp|grpc\+\+)/|\.grpc\.pb\.h$")
 BULLET = re.compile(r"^(bullet/|BulletCollision/|BulletDynamics/|BulletSoftBody/|LinearMath/|bt[A-Z]\w*\.h$)")
+BOOST = re.compile(r"^boost/")
+BEAST_HEADER = re.compile(r"^server/web/beast_\w+\.h$")    # headers that hold Boost types
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')
 
 
@@ -51,8 +57,11 @@ def complaint(path, include):
     if own is None:
         return None
     in_core = path.startswith("core/")
-    if GRPC.search(include) and (in_core or path.startswith("server/recording/")):
+    if GRPC.search(include) and (in_core or path.startswith(("server/recording/", "server/web/"))):
         return "gRPC is for the services and the clients only"
+    in_web = (path.startswith("server/web/") and path.endswith(".cc")) or BEAST_HEADER.match(path)
+    if (BOOST.match(include) or BEAST_HEADER.match(include)) and not in_web and not path.startswith("tests/"):
+        return "Boost is included by server/web/*.cc and server/web/beast_*.h only"
     is_tool_source = path.startswith("core/tools/") and path.endswith(".cc")
     if BULLET.match(include) and not is_tool_source and not path.startswith("tests/"):
         return "Bullet is included by core/tools/*.cc only"
@@ -64,7 +73,7 @@ def complaint(path, include):
             return None
         return f"{own} may use no other messages than scenes and frames"
     target = folder_of(include, ALLOWED)
-    if target is None or target == own or target in permitted:
+    if target is None or target == own or target in permitted or target in COMPOSERS.get(path, []):
         return None
     return f"{own} may include of this project only: {', '.join([own, *permitted])}"
 
@@ -98,6 +107,13 @@ def self_test():
         ("clients/cli/a.cc", "BulletCollision/CollisionShapes/btBoxShape.h"),
         ("server/session.cc", "core/contact/b.h"),
         ("server/recording/a.cc", "grpcpp/grpcpp.h"),
+        ("server/web/web_server.cc", "grpcpp/grpcpp.h"),
+        ("server/web/web_server.cc", "core/engine/engine.h"),
+        ("server/web/web_server.h", "boost/asio/io_context.hpp"),
+        ("server/web/web_server.h", "server/web/beast_connections.h"),
+        ("server/server.cc", "boost/asio/io_context.hpp"),
+        ("server/server.cc", "server/web/beast_connections.h"),
+        ("server/hub.cc", "server/web/web_server.h"),
         ("clients/load/a.cc", "core/model/model.h"),
         ("clients/load/a.cc", "server/session.h"),
     ]
@@ -108,6 +124,12 @@ def self_test():
         ("core/tools/tool_set.cc", "BulletCollision/CollisionShapes/btBoxShape.h"),
         ("server/session.cc", "core/engine/engine.h"),
         ("server/service.cc", "grpcpp/grpcpp.h"),
+        ("server/web/web_server.cc", "boost/asio/io_context.hpp"),
+        ("server/web/beast_connections.h", "boost/beast/websocket.hpp"),
+        ("server/web/client_connection.h", "server/viewer_stream.h"),
+        ("server/web/client_connection.h", "adhesim/v1/connection.pb.h"),
+        ("server/server.cc", "server/web/web_server.h"),
+        ("tests/server/web/a.h", "boost/beast/websocket.hpp"),
         ("clients/load/a.cc", "adhesim/v1/view_service.grpc.pb.h"),
         ("clients/cli/main.cc", "core/engine/engine.h"),
         ("tests/server/a.cc", "core/engine/engine.h"),

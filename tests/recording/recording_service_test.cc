@@ -25,7 +25,7 @@ class RecordingServiceTest : public testing::Test {
     if (recording) {
       auto directory = RecordingDirectory::Open(path_, {}, "test", "test");
       ASSERT_TRUE(directory.ok());
-      options.recording = SourceOf(*directory);
+      options.recordings = SourceOf(*directory);
     }
     auto server = Server::Start(options, FakeScenes());
     ASSERT_TRUE(server.ok()) << server.status();

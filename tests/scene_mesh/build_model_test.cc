@@ -265,6 +265,46 @@ TEST(BuildModel, ReportsEveryProblemAtOnce) {
   EXPECT_EQ(built.problems.size(), 3u);
 }
 
+constexpr char kCells[] = R"(
+  bodies { name: "cell" icosphere { radius_m: 0.5 } mass_kg: 2 position_m: [1, 2, 3]
+           copies { count: 40 radius_m: 4 spacing_m: 1.1 } }
+  bodies { name: "other" icosphere { radius_m: 0.5 } mass_kg: 1 position_m: [20, 0, 0] })";
+
+TEST(BuildModel, ScattersCopiesOfABody) {
+  const auto model = ModelOf(kCells);
+  ASSERT_NE(model, nullptr);
+  ASSERT_EQ(model->bodies.size(), 41u);
+  EXPECT_EQ(model->bodies[0].name, "cell-1");
+  EXPECT_EQ(model->bodies[39].name, "cell-40");
+  EXPECT_EQ(model->bodies[39].scene_name, "cell");
+  EXPECT_EQ(model->bodies[40].scene_name, "other");
+  EXPECT_NEAR(std::accumulate(model->mass_kg.begin(), model->mass_kg.end(), 0.0), 81, 1e-12);
+  std::vector<Vec3> centres;
+  for (int b = 0; b < 40; ++b) {
+    Vec3 sum = Vec3::Zero();
+    for (int p = 42 * b; p < 42 * (b + 1); ++p) sum += model->rest_position_m[p];
+    centres.push_back(sum / 42);
+    EXPECT_LE((centres.back() - Vec3(1, 2, 3)).norm(), 4 + 1e-12);
+    for (int other = 0; other < b; ++other) {
+      EXPECT_GE((centres[b] - centres[other]).norm(), 1.1 - 1e-12);
+    }
+  }
+  // Turned, each in its own way.
+  const auto corner = [&](int b) { return Vec3(model->rest_position_m[42 * b] - centres[b]); };
+  EXPECT_GT((corner(0) - corner(1)).norm(), 0.01);
+  EXPECT_EQ(ModelOf(kCells)->rest_position_m, model->rest_position_m);
+  EXPECT_NE(ModelOf(std::string("seed: 2 ") + kCells)->rest_position_m, model->rest_position_m);
+}
+
+TEST(BuildModel, RefusesCopiesThatFindNoRoom) {
+  ExpectProblem(R"(bodies { name: "cell" icosphere { radius_m: 0.5 } mass_kg: 2
+                    copies { count: 40 radius_m: 1 spacing_m: 1.1 } })",
+                "bodies[0].copies", "of 40 copies");
+  ExpectProblem(R"(bodies { name: "cell" icosphere { radius_m: 0.5 subdivisions: 6 } mass_kg: 2
+                    copies { count: 1000 radius_m: 100 spacing_m: 1.1 } })",
+                "bodies[0].icosphere", "40962000 particles");
+}
+
 TEST(BuildModel, GivesTheSameBitsEachTime) {
   const auto first = ModelOf(kTwoBodies), second = ModelOf(kTwoBodies);
   EXPECT_EQ(first->rest_position_m, second->rest_position_m);

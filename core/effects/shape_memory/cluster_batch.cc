@@ -73,9 +73,13 @@ ADHESIM_INLINE void SolvePositive(const V& a, const V& b, const V& c, const V& d
   x->z = scale * (ac * g.x + bc * g.y + minor * g.z);
 }
 
+// Through memory: a vector's lane by a variable index is compiled wrongly by g++ 12.2 with -O1
+// -fsanitize=undefined (it reads a random index).
 ADHESIM_INLINE unsigned Bits(const Mask& mask) {
+  std::int64_t lane[kLanes];
+  std::memcpy(lane, &mask, sizeof(lane));
   unsigned bits = 0;
-  for (int l = 0; l < kLanes; ++l) bits |= (mask[l] != 0 ? 1u : 0u) << l;
+  for (int l = 0; l < kLanes; ++l) bits |= (lane[l] != 0 ? 1u : 0u) << l;
   return bits;
 }
 
@@ -88,8 +92,10 @@ ADHESIM_INLINE unsigned FindRotations(const V33& a, V q[4]) {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) size_sq += a.m[i][j] * a.m[i][j];
   }
-  V floor;
-  for (int l = 0; l < kLanes; ++l) floor[l] = 1e-12 * __builtin_sqrt(size_sq[l]);
+  Lanes size;
+  Store(size_sq, &size);
+  for (double& value : size.v) value = 1e-12 * __builtin_sqrt(value);
+  const V floor = Load(size);
   Mask active = zero == zero, failed = zero != zero;
   for (int iteration = 0; iteration < 16; ++iteration) {
     V33 r;
