@@ -222,7 +222,12 @@ export class Playback implements Mode {
         if (file !== this.file) return;
         if (topic === "/frames") {
           const { response } = fromBinary(WatchResponseSchema, data);
-          if (response.case === "frame") stepDurationS = response.value.stepDurationS;
+          if (response.case !== "frame") continue;
+          stepDurationS = response.value.stepDurationS;
+          // Without tools nothing else says when.
+          if (file.topology.tools.length === 0) {
+            Plots.row(rows, Number(timeNs) / 1e9, response.value, 0, budgetS);
+          }
         } else if (topic === "/events") {
           this.addTick(file, timeNs, data);
         } else if (timeNs >= nextNs) {
