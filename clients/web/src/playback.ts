@@ -14,6 +14,7 @@ import type { TransportState } from "./transport";
 
 // Reading everything shares the page with drawing.
 const kSliceMs = 10;
+const kScanDrawMs = 500;
 
 export class Playback implements Mode {
   speed = 1;
@@ -60,8 +61,9 @@ export class Playback implements Mode {
       this.shell.banner.set("recording", file.notice, "warning");
       this.prepareScrub(file);
       const wanted = atS === undefined ? file.startNs : BigInt(Math.round(atS * 1e9));
-      await this.show(await file.frameAt(wanted));
-      void this.scan(file);
+      this.show(await file.frameNear(wanted));
+      // A picture has no plots.
+      if (!document.body.classList.contains("picture")) void this.scan(file);
       return true;
     } catch (error) {
       this.shell.banner.set("recording", `Cannot open ${name}: ${inWords(error)}`, "error");
@@ -78,11 +80,11 @@ export class Playback implements Mode {
     this.shell.hooks.mode = "live";
   }
 
-  /** Shows the frame of a time; resolves when it has been painted. */
+  /** Shows the frame nearest to a time; resolves when it has been painted. */
   async showAt(timeS: number): Promise<{ step: number; timeS: number }> {
     if (!this.file) throw new Error("no recording is open");
     this.running = false;
-    const frame = await this.file.frameAt(BigInt(Math.round(timeS * 1e9)));
+    const frame = await this.file.frameNear(BigInt(Math.round(timeS * 1e9)));
     if (!frame) throw new Error("the recording has no frames");
     this.show(frame);
     this.shell.draw(performance.now());
@@ -213,6 +215,7 @@ export class Playback implements Mode {
     let stepDurationS = 0;
     let nextNs = 0n;
     let sliceEnd = performance.now() + kSliceMs;
+    let drawAt = performance.now() + kScanDrawMs;
     try {
       for await (const { topic, timeNs, data } of file.messages([
         "/forces",
@@ -239,6 +242,10 @@ export class Playback implements Mode {
         }
         if (performance.now() > sliceEnd) {
           await nextTask();
+          if (performance.now() > drawAt) {
+            drawAt = performance.now() + kScanDrawMs;
+            if (file === this.file) this.shell.plots.show(rows);
+          }
           sliceEnd = performance.now() + kSliceMs;
         }
       }
