@@ -31,7 +31,7 @@ export class Live implements Mode {
   private lastStep = -1;
   private publishedMs = 0;
   private timing = { misses: 0, skipped: 0, stepS: 0 };
-  private active = true;
+  active = true;
   private everConnected = false;
 
   constructor(

@@ -15,6 +15,8 @@ import type { TransportState } from "./transport";
 // Reading everything shares the page with drawing.
 const kSliceMs = 10;
 const kScanDrawMs = 500;
+// Long enough to read why a file could not be opened.
+const kFailureMs = 15000;
 
 export class Playback implements Mode {
   speed = 1;
@@ -41,32 +43,36 @@ export class Playback implements Mode {
   }
 
   /**
-   * Opens a recording and shows its first frame, or that of a time. False, with a banner, when it
-   * cannot be read.
+   * Opens a recording and shows its first frame, or the one nearest to a time. `before` is called
+   * when it is known to be readable. False, with a banner, when it is not: what was shown stays.
    */
   async load(
     source: Promise<ByteSource> | ByteSource,
     name: string,
-    atS?: number,
+    atS: number | undefined,
+    before: () => void,
   ): Promise<boolean> {
     try {
       const file = await RecordingFile.open(await source);
+      const wanted = atS === undefined ? file.startNs : BigInt(Math.round(atS * 1e9));
+      const frame = await file.frameNear(wanted);
+      if (!frame) throw new Error("it holds no frames");
+      before();
       this.shell.setTopology(file.topology);
       this.file = file;
       this.name = name;
       this.running = false;
       this.shownNs = -1n;
       this.shell.hooks.mode = "recording";
-      this.shell.hooks.session = "";
       this.shell.banner.set("recording", file.notice, "warning");
       this.prepareScrub(file);
-      const wanted = atS === undefined ? file.startNs : BigInt(Math.round(atS * 1e9));
-      this.show(await file.frameNear(wanted));
+      this.show(frame);
       // A picture has no plots.
       if (!document.body.classList.contains("picture")) void this.scan(file);
       return true;
     } catch (error) {
-      this.shell.banner.set("recording", `Cannot open ${name}: ${inWords(error)}`, "error");
+      const text = `Cannot open ${name}: ${inWords(error)}`;
+      this.shell.banner.set("recording", text, "error", kFailureMs);
       return false;
     }
   }

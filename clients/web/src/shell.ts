@@ -133,9 +133,8 @@ export class Shell {
     const tool = this.selectedTool;
     this.hud.write(sample, tool);
     this.hud.place(tool);
-    const metrics = this.metrics[tool];
     const name = this.view.content?.topology.tools[tool]?.name;
-    if (metrics) this.toolPanel.write(name, sample, tool, metrics);
+    this.toolPanel.write(name, sample, tool, this.metrics[tool]);
     this.pick.write(this.view);
     setText(
       byId("caption"),
