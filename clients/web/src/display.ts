@@ -21,6 +21,9 @@ export interface Display {
   arrowThresholdN: number;
 }
 
+/** End of the scale of arrows, mm a newton. */
+export const kLongestMmPerN = 1000;
+
 export function defaultDisplay(): Display {
   return {
     colourMap: "none",
@@ -60,7 +63,7 @@ export class DisplayPanel {
     this.toggle("contacts", "Contacts (C)");
     this.toggle("zones", "Zones (Z)");
     this.toggle("forces", "Forces (F)");
-    this.add("arrowMmPerN", this.gui.add(display, "arrowMmPerN", 1, 500, 1), "mm per N");
+    this.add("arrowMmPerN", this.gui.add(display, "arrowMmPerN", 1, kLongestMmPerN, 1), "mm per N");
     this.add("arrowThresholdN", this.gui.add(display, "arrowThresholdN", 0, 0.5, 0.001), "From N");
     this.toggle("wireframe", "Wireframe (W)");
     this.toggle("transparent", "Transparent (T)");

@@ -29,8 +29,9 @@ export class Live implements Mode {
   /** Number of the sample that is shown from the history. */
   private past?: number;
   private lastStep = -1;
+  private publishedMs = 0;
   private timing = { misses: 0, skipped: 0, stepS: 0 };
-  private active = true;
+  active = true;
   private everConnected = false;
 
   constructor(
@@ -115,7 +116,7 @@ export class Live implements Mode {
       running: this.running && this.past === undefined,
       enabled: this.mayControl,
       timeS: sample?.timeS ?? 0,
-      realTime: this.shell.realTime.perSecond(performance.now()),
+      realTime: this.running ? this.shell.realTime.perSecond(this.publishedMs) : 0,
       stepS: this.timing.stepS,
       budgetS: this.shell.rateHz > 0 ? 1 / this.shell.rateHz : 0,
       misses: this.timing.misses,
@@ -236,7 +237,9 @@ export class Live implements Mode {
     this.lastStep = sample.step;
     this.history.push(sample);
     this.shell.collect(sample.frame.tools, sample.timeS);
-    this.shell.realTime.add(sample.timeS, performance.now());
+    // By the server's clock: how frames travel is not how time passes there.
+    this.publishedMs = Number(sample.frame.publishedNs) / 1e6;
+    this.shell.realTime.add(sample.timeS, this.publishedMs);
     this.timing = {
       misses: Number(sample.frame.deadlineMisses),
       skipped: Number(sample.frame.skippedSteps),

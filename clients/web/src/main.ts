@@ -83,10 +83,13 @@ async function showRecording(
   name: string,
   atS?: number,
 ): Promise<void> {
-  live.setActive(false);
-  if (await playback.load(source, name, atS)) mode = playback;
-  else if (!playback.open) live.setActive(true);
-  if (mode === live && live.connectionState === "connected") void live.session.start();
+  if (await playback.load(source, name, atS, () => live.setActive(false))) {
+    mode = playback;
+  } else if (!playback.open && !live.active) {
+    // The recording that the address asks for cannot be shown: a session can.
+    live.setActive(true);
+    if (live.connectionState === "connected") void live.session.start();
+  }
 }
 
 function grab(tool?: number): void {
@@ -220,6 +223,7 @@ function animate(nowMs: number): void {
 if (parameters.colour) shell.panel.setColourMap(parameters.colour);
 if (parameters.recording) {
   const name = decodeURIComponent(parameters.recording.split("/").at(-1) ?? parameters.recording);
+  live.setActive(false);
   void showRecording(urlSource(parameters.recording), name, parameters.atS);
 }
 live.open();

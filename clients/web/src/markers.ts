@@ -58,6 +58,8 @@ export class Markers {
     this.zones = new Dots(position, 9, 0xffffff, this.zoneColours);
     this.contacts = new Dots(position, 5, kContactColour);
     this.contacts.points.renderOrder = 2;
+    // Contact is where bodies meet, and so mostly behind one of them.
+    this.contacts.points.material.depthTest = false;
     this.zones.points.renderOrder = 1;
     this.group.add(this.zones.points, this.contacts.points);
     this.group.add(...this.contactArrows.meshes, ...this.toolArrows.meshes);

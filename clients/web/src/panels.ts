@@ -120,13 +120,18 @@ export class ToolPanel {
     onClick(this.grab, onGrab);
   }
 
-  write(name: string | undefined, sample: Sample, index: number, metrics: ToolMetrics): void {
+  write(
+    name: string | undefined,
+    sample: Sample,
+    index: number,
+    metrics: ToolMetrics | undefined,
+  ): void {
     const tool = sample.frame.tools[index];
-    this.root.hidden = !tool || name === undefined;
-    if (!tool?.pose || name === undefined) return;
+    this.root.hidden = !tool || !metrics;
+    if (!tool?.pose || !metrics) return;
     const { pose, tissue } = tool;
     const torque = tissue ? Math.hypot(tissue.txNm, tissue.tyNm, tissue.tzNm) * 1000 : 0;
-    setText(this.title, name);
+    setText(this.title, name ?? "tool");
     this.set("state", toolMood(sample.frame, index) + (tool.speedLimited ? ", speed-limited" : ""));
     this.set("force", newtons(forceN(tool)));
     this.set("axial", newtons(axialForceN(tool)));

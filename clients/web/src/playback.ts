@@ -14,6 +14,9 @@ import type { TransportState } from "./transport";
 
 // Reading everything shares the page with drawing.
 const kSliceMs = 10;
+const kScanDrawMs = 500;
+// Long enough to read why a file could not be opened.
+const kFailureMs = 15000;
 
 export class Playback implements Mode {
   speed = 1;
@@ -40,31 +43,36 @@ export class Playback implements Mode {
   }
 
   /**
-   * Opens a recording and shows its first frame, or that of a time. False, with a banner, when it
-   * cannot be read.
+   * Opens a recording and shows its first frame, or the one nearest to a time. `before` is called
+   * when it is known to be readable. False, with a banner, when it is not: what was shown stays.
    */
   async load(
     source: Promise<ByteSource> | ByteSource,
     name: string,
-    atS?: number,
+    atS: number | undefined,
+    before: () => void,
   ): Promise<boolean> {
     try {
       const file = await RecordingFile.open(await source);
+      const wanted = atS === undefined ? file.startNs : BigInt(Math.round(atS * 1e9));
+      const frame = await file.frameNear(wanted);
+      if (!frame) throw new Error("it holds no frames");
+      before();
       this.shell.setTopology(file.topology);
       this.file = file;
       this.name = name;
       this.running = false;
       this.shownNs = -1n;
       this.shell.hooks.mode = "recording";
-      this.shell.hooks.session = "";
       this.shell.banner.set("recording", file.notice, "warning");
       this.prepareScrub(file);
-      const wanted = atS === undefined ? file.startNs : BigInt(Math.round(atS * 1e9));
-      await this.show(await file.frameAt(wanted));
-      void this.scan(file);
+      this.show(frame);
+      // A picture has no plots.
+      if (!document.body.classList.contains("picture")) void this.scan(file);
       return true;
     } catch (error) {
-      this.shell.banner.set("recording", `Cannot open ${name}: ${inWords(error)}`, "error");
+      const text = `Cannot open ${name}: ${inWords(error)}`;
+      this.shell.banner.set("recording", text, "error", kFailureMs);
       return false;
     }
   }
@@ -78,11 +86,11 @@ export class Playback implements Mode {
     this.shell.hooks.mode = "live";
   }
 
-  /** Shows the frame of a time; resolves when it has been painted. */
+  /** Shows the frame nearest to a time; resolves when it has been painted. */
   async showAt(timeS: number): Promise<{ step: number; timeS: number }> {
     if (!this.file) throw new Error("no recording is open");
     this.running = false;
-    const frame = await this.file.frameAt(BigInt(Math.round(timeS * 1e9)));
+    const frame = await this.file.frameNear(BigInt(Math.round(timeS * 1e9)));
     if (!frame) throw new Error("the recording has no frames");
     this.show(frame);
     this.shell.draw(performance.now());
@@ -213,6 +221,7 @@ export class Playback implements Mode {
     let stepDurationS = 0;
     let nextNs = 0n;
     let sliceEnd = performance.now() + kSliceMs;
+    let drawAt = performance.now() + kScanDrawMs;
     try {
       for await (const { topic, timeNs, data } of file.messages([
         "/forces",
@@ -222,7 +231,12 @@ export class Playback implements Mode {
         if (file !== this.file) return;
         if (topic === "/frames") {
           const { response } = fromBinary(WatchResponseSchema, data);
-          if (response.case === "frame") stepDurationS = response.value.stepDurationS;
+          if (response.case !== "frame") continue;
+          stepDurationS = response.value.stepDurationS;
+          // Without tools nothing else says when.
+          if (file.topology.tools.length === 0) {
+            Plots.row(rows, Number(timeNs) / 1e9, response.value, 0, budgetS);
+          }
         } else if (topic === "/events") {
           this.addTick(file, timeNs, data);
         } else if (timeNs >= nextNs) {
@@ -234,6 +248,10 @@ export class Playback implements Mode {
         }
         if (performance.now() > sliceEnd) {
           await nextTask();
+          if (performance.now() > drawAt) {
+            drawAt = performance.now() + kScanDrawMs;
+            if (file === this.file) this.shell.plots.show(rows);
+          }
           sliceEnd = performance.now() + kSliceMs;
         }
       }

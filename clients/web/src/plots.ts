@@ -67,7 +67,7 @@ export class Plots {
   constructor() {
     this.plots = kSpecs.map((spec) => this.plot(spec));
     const resizing = new ResizeObserver(() => this.resize());
-    resizing.observe(byId("plots"));
+    for (const { id } of kSpecs) resizing.observe(byId(id));
   }
 
   /** An empty set of rows: time, force, axial force, depth, step time, budget. */

@@ -77,6 +77,14 @@ export class RecordingFile {
     return read((await this.store.frameAt(timeNs)) ?? (await this.store.frameFrom(this.startNs)));
   }
 
+  /** The frame nearest to a time. */
+  async frameNear(timeNs: bigint): Promise<RecordedFrame | undefined> {
+    const before = await this.store.frameAt(timeNs);
+    const after = await this.store.frameFrom(timeNs);
+    if (!before || !after) return read(before ?? after);
+    return read(timeNs - before.timeNs <= after.timeNs - timeNs ? before : after);
+  }
+
   async frameAfter(timeNs: bigint): Promise<RecordedFrame | undefined> {
     return read(await this.store.frameFrom(timeNs + 1n));
   }

@@ -142,7 +142,8 @@ export class Scene3d {
   private look(direction: Vector3): void {
     const half = (kFieldOfViewDeg * Math.PI) / 360;
     const narrow = Math.min(1, this.camera.aspect);
-    const distance = this.fitted.radius / Math.sin(Math.atan(Math.tan(half) * narrow));
+    // A little nearer than the sphere's edge: no scene fills its sphere.
+    const distance = (0.85 * this.fitted.radius) / Math.sin(Math.atan(Math.tan(half) * narrow));
     this.controls.target.copy(this.fitted.center);
     this.camera.position.copy(direction).multiplyScalar(distance).add(this.fitted.center);
     this.camera.updateProjectionMatrix();

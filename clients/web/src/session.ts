@@ -121,7 +121,8 @@ export class SessionClient {
     return this.remember(await this.create());
   }
 
-  // The scene that was asked for, or was shown before the server forgot it, or the first that can be built.
+  // The scene that was asked for, or was shown before the server forgot it, or the first that can
+  // be built.
   private async create(): Promise<Session> {
     const wanted = this.wanted.scene ?? this.scene;
     const names = wanted

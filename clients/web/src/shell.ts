@@ -2,7 +2,7 @@
 // screen.
 
 import { Banner } from "./banner";
-import { DisplayPanel, defaultDisplay } from "./display";
+import { DisplayPanel, defaultDisplay, kLongestMmPerN } from "./display";
 import { byId, setText } from "./dom";
 import { forceN } from "./driving";
 import type { Topology, ToolState } from "./gen/adhesim/v1/frame_pb";
@@ -47,7 +47,7 @@ export class Shell {
   ) {
     this.view = new View(scene3d, this.display, new Legend());
     this.view.onFit = (spacingM) => {
-      setText(byId("ground-note"), `floor: ${(spacingM * 1000).toPrecision(2)} mm`);
+      setText(byId("ground-note"), `floor: ${Number((spacingM * 1000).toPrecision(2))} mm`);
       this.display.arrowMmPerN = niceArrow(scene3d.radius);
       this.panel.refresh();
     };
@@ -71,6 +71,7 @@ export class Shell {
       this.pick.particle = undefined;
     }
     this.rateHz = topology.rateHz;
+    document.body.classList.toggle("no-tools", topology.tools.length === 0);
     this.restart();
     this.tree.build(this.view.content!);
     setText(byId("scene-name"), topology.scene || "scene");
@@ -132,9 +133,8 @@ export class Shell {
     const tool = this.selectedTool;
     this.hud.write(sample, tool);
     this.hud.place(tool);
-    const metrics = this.metrics[tool];
     const name = this.view.content?.topology.tools[tool]?.name;
-    if (metrics) this.toolPanel.write(name, sample, tool, metrics);
+    this.toolPanel.write(name, sample, tool, this.metrics[tool]);
     this.pick.write(this.view);
     setText(
       byId("caption"),
@@ -158,5 +158,5 @@ export class Shell {
 // A force of 1 N is drawn about half as long as the scene is wide, in a round number of
 // millimetres.
 function niceArrow(radiusM: number): number {
-  return Math.min(500, Math.max(1, Math.round((radiusM * 1000) / 2 / 5) * 5));
+  return Math.min(kLongestMmPerN, Math.max(1, Math.round((radiusM * 1000) / 2 / 5) * 5));
 }

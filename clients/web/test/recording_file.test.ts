@@ -85,6 +85,8 @@ async function expectFramesByTime(file: RecordingFile): Promise<void> {
   assert.equal(await stepAt(file, -5n), 0);
   assert.equal(await stepAt(file, 10n * kPeriodNs), 10);
   assert.equal(await stepAt(file, 11n * kPeriodNs - 1n), 10);
+  assert.equal(Number((await file.frameNear(11n * kPeriodNs - 2n))!.message.step), 11);
+  assert.equal(Number((await file.frameNear(10n * kPeriodNs + 2n))!.message.step), 10);
   assert.equal(Number((await file.frameAfter(10n * kPeriodNs))!.message.step), 11);
   assert.equal(Number((await file.frameBefore(10n * kPeriodNs))!.message.step), 9);
   assert.equal(await file.frameBefore(0n).then((frame) => Number(frame?.message.step ?? -1)), -1);
