@@ -19,11 +19,7 @@ constexpr std::int64_t kHeartbeatNs = 250'000'000;
 constexpr std::int64_t kCatchUpSteps = 3;
 
 SessionFrame FirstFrame(const Engine& engine, v1::SessionState state) {
-  SessionFrame first;
-  first.frame = engine.MakeFrame();
-  engine.WriteFrame(&first.frame);
-  first.newest_pose.resize(engine.model().tools.size());
-  first.target_jumps.resize(engine.model().tools.size());
+  SessionFrame first = MakeSessionFrame(engine);
   first.state = state;
   first.published_ns = MonotonicNs();
   return first;
@@ -34,6 +30,14 @@ v1::SessionState StartState(const Session::Options& options) {
 }
 
 }  // namespace
+
+SessionFrame MakeSessionFrame(const Engine& engine) {
+  SessionFrame frame;
+  frame.frame = engine.MakeFrame();
+  frame.newest_pose.resize(engine.model().tools.size());
+  frame.target_jumps.resize(engine.model().tools.size());
+  return frame;
+}
 
 Session::Session(std::unique_ptr<Engine> engine, const Options& options, SessionObserver* observer)
     : options_(options),

@@ -52,6 +52,9 @@ struct SessionFrame {
   std::uint64_t commands_done = 0;  // of those submitted
 };
 
+// A frame with every array at its final size, showing the engine's state now.
+SessionFrame MakeSessionFrame(const Engine& engine);
+
 // Who a session tells what happens; called on the session's observer thread only.
 class SessionObserver {
  public:

@@ -29,8 +29,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kBrowserTimeoutS = 60;
-// The name under which the page finds what is shown.
-constexpr char kRecordingName[] = "pictures.mcap";
 // Half of the time between a recording's frames, and some: a picture is of the nearest.
 constexpr double kNearS = 0.02;
 
@@ -86,12 +84,15 @@ absl::Status MakeOutputDirectory(const std::string& directory) {
   return absl::InvalidArgumentError(absl::StrCat("--out ", directory, ": cannot be written to"));
 }
 
-// Puts what is to be seen into `directory`, as kRecordingName.
-absl::Status Prepare(const Arguments& arguments, const std::string& directory) {
-  const std::string file = absl::StrCat(directory, "/", kRecordingName);
+// The recording of what is to be seen: the one that was asked for, or a new one in `directory`.
+absl::StatusOr<std::string> Prepare(const Arguments& arguments, const std::string& directory) {
   if (!IsMcap(arguments.source)) {
-    return RecordInstants(arguments.source, arguments.settings, arguments.at_s, file,
-                          [] { return Interruption::requested(); });
+    const std::string file = absl::StrCat(directory, "/instants.mcap");
+    const absl::Status recorded =
+        RecordInstants(arguments.source, arguments.settings, arguments.at_s, file,
+                       [] { return Interruption::requested(); });
+    if (!recorded.ok()) return recorded;
+    return file;
   }
   const absl::StatusOr<double> end_s = LastFrameTime(arguments.source);
   if (!end_s.ok()) return end_s.status();
@@ -100,12 +101,7 @@ absl::Status Prepare(const Arguments& arguments, const std::string& directory) {
     return absl::OutOfRangeError(
         absl::StrFormat("--at %g: %s ends at %.3f s", latest_s, arguments.source, *end_s));
   }
-  // The server takes no links out of its directory.
-  std::error_code error;
-  fs::copy_file(arguments.source, file, error);
-  if (!error) return absl::OkStatus();
-  return absl::InternalError(
-      absl::StrCat("cannot copy ", arguments.source, " to ", directory, ": ", error.message()));
+  return fs::canonical(arguments.source).string();
 }
 
 // What the page complained of, behind what went wrong.
@@ -115,10 +111,9 @@ absl::Status WithComplaints(const absl::Status& status, const Browser& browser) 
                                                   absl::StrJoin(browser.page_errors(), "; ")));
 }
 
-absl::Status OpenPage(const Arguments& arguments, const std::string& address, Browser* browser) {
+absl::Status OpenPage(const Arguments& arguments, const std::string& url, Browser* browser) {
   const absl::Status opened = browser->Open(
-      absl::StrCat("http://", address, "/?recording=/v1/recordings/", kRecordingName,
-                   "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme));
+      absl::StrCat(url, "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme));
   if (!opened.ok()) return opened;
   return browser
       ->Evaluate(R"(new Promise((done, fail) => {
@@ -154,8 +149,8 @@ absl::StatusOr<Json> TakePicture(double at_s, const std::string& path, Browser* 
   return picture;
 }
 
-absl::Status TakePictures(const Arguments& arguments, Size size, const std::string& directory) {
-  const absl::StatusOr<std::unique_ptr<PageServer>> server = PageServer::Start(directory);
+absl::Status TakePictures(const Arguments& arguments, Size size, const std::string& recording) {
+  const absl::StatusOr<std::unique_ptr<PageServer>> server = PageServer::Start(recording);
   if (!server.ok()) return server.status();
   Browser::Options options;
   options.program = arguments.browser;
@@ -165,7 +160,7 @@ absl::Status TakePictures(const Arguments& arguments, Size size, const std::stri
   options.stop = [] { return Interruption::requested(); };
   const absl::StatusOr<std::unique_ptr<Browser>> browser = Browser::Start(options);
   if (!browser.ok()) return browser.status();
-  const absl::Status opened = OpenPage(arguments, (*server)->address(), browser->get());
+  const absl::Status opened = OpenPage(arguments, (*server)->url(), browser->get());
   if (!opened.ok()) return WithComplaints(opened, **browser);
 
   Json pictures = Json::array();
@@ -202,8 +197,9 @@ ExitCode Render(Arguments arguments) {
   }
   const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
   if (!directory.ok()) return Fail(directory.status());
-  absl::Status status = Prepare(arguments, (*directory)->path());
-  if (status.ok()) status = TakePictures(arguments, *size, (*directory)->path());
+  const absl::StatusOr<std::string> recording = Prepare(arguments, (*directory)->path());
+  if (!recording.ok()) return Fail(recording.status());
+  const absl::Status status = TakePictures(arguments, *size, *recording);
   return status.ok() ? kExitOk : Fail(status);
 }
 

@@ -52,15 +52,6 @@ class Stopwatch {
   clockid_t cpu_clock_;
 };
 
-// A frame as a session would have it.
-SessionFrame FirstFrame(const Engine& engine) {
-  SessionFrame frame;
-  frame.frame = engine.MakeFrame();
-  frame.newest_pose.resize(engine.model().tools.size());
-  frame.target_jumps.resize(engine.model().tools.size());
-  return frame;
-}
-
 void CountStep(const StepReport& report, SessionFrame* frame) {
   frame->captures += report.captures;
   frame->releases += report.releases;
@@ -108,7 +99,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
                           const std::atomic<bool>& stop) {
   RunStatistics statistics;
   statistics.peak_force_n.assign(engine->model().tools.size(), 0);
-  SessionFrame seen = FirstFrame(*engine);
+  SessionFrame seen = MakeSessionFrame(*engine);
   const clockid_t cpu_clock =
       options.one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_PROCESS_CPUTIME_ID;
   const double dt_s = engine->model().dt_s;

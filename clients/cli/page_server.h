@@ -8,17 +8,18 @@
 
 namespace adhesim {
 
-// Serves the page, and the recordings of a directory to it, on a free port of this machine's
-// loopback. There are no scenes and no sessions.
+// Serves the page, and one recording to it, on a free port of this machine's loopback. There are no
+// scenes and no sessions.
 class PageServer {
  public:
   // FailedPrecondition: the program was built without the page.
   static absl::Status HasPage();
-  static absl::StatusOr<std::unique_ptr<PageServer>> Start(const std::string& recordings);
+  // `recording`: a file, no link.
+  static absl::StatusOr<std::unique_ptr<PageServer>> Start(const std::string& recording);
   ~PageServer();
 
-  // HOST:PORT.
-  const std::string& address() const;
+  // Where the page is, with the recording open: http://HOST:PORT/?recording=...
+  std::string url() const;
 
  private:
   struct Parts;

@@ -27,7 +27,9 @@ namespace {
 class InstantWriter {
  public:
   InstantWriter(ByteSink sink, const Engine& engine)
-      : dt_s_(engine.model().dt_s), writer_(std::move(sink), "", "adhesim " ADHESIM_VERSION) {
+      : dt_s_(engine.model().dt_s),
+        writer_(std::move(sink), "", "adhesim " ADHESIM_VERSION),
+        frame_(MakeSessionFrame(engine)) {
     RecordingAbout about;
     about.version = ADHESIM_VERSION;
     about.build = BuildText();
@@ -37,8 +39,6 @@ class InstantWriter {
     v1::WatchResponse message;
     EncodeTopology(engine.model(), message.mutable_topology());
     writer_.AddMessage(channels_.topology, 0, message.SerializeAsString());
-    frame_.newest_pose.resize(engine.model().tools.size());
-    frame_.target_jumps.resize(engine.model().tools.size());
   }
 
   void Write(const Engine& engine) {

@@ -42,14 +42,6 @@ std::size_t RingSize(double buffer_s, double dt_s) {
   return std::max<std::size_t>(64, static_cast<std::size_t>(std::ceil(buffer_s / dt_s)));
 }
 
-SessionFrame EmptyFrame(const Engine& engine) {
-  SessionFrame frame;
-  frame.frame = engine.MakeFrame();
-  frame.newest_pose.resize(engine.model().tools.size());
-  frame.target_jumps.resize(engine.model().tools.size());
-  return frame;
-}
-
 }  // namespace
 
 Recorder::Recorder(ByteSink sink, const Options& options, const RecordingAbout& about,
@@ -65,7 +57,7 @@ Recorder::Recorder(ByteSink sink, const Options& options, const RecordingAbout& 
                  entry.target_jumps.resize(tools);
                  return entry;
                }),
-      frames_(options.buffered_frames, [&] { return EmptyFrame(engine); }),
+      frames_(options.buffered_frames, [&] { return MakeSessionFrame(engine); }),
       writer_(std::move(sink), "", absl::StrCat("adhesim ", about.version)),
       inputs_before_(engine.model().tools.size()),
       flags_before_(engine.model().tools.size()) {
@@ -74,9 +66,7 @@ Recorder::Recorder(ByteSink sink, const Options& options, const RecordingAbout& 
   view_.set_session(about.session);
   EncodeTopology(engine.model(), view_.mutable_topology());
   Write(channels_.topology, 0, view_);
-  SessionFrame first = EmptyFrame(engine);
-  engine.WriteFrame(&first.frame);
-  WriteFrame(first, 0);
+  WriteFrame(MakeSessionFrame(engine), 0);
   writer_.FlushChunk();
   flushed_ns_ = MonotonicNs();
   thread_ = std::thread([this] { WriteLoop(); });
