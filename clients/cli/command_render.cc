@@ -1,0 +1,251 @@
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+#include <absl/strings/str_join.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "clients/cli/browser.h"
+#include "clients/cli/commands.h"
+#include "clients/cli/output.h"
+#include "clients/cli/page_server.h"
+#include "clients/cli/picture_source.h"
+#include "clients/cli/service_client.h"
+#include "clients/cli/temporary_directory.h"
+#include "clients/cli/validators.h"
+
+namespace adhesim {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kBrowserTimeoutS = 60;
+// The name under which the page finds what is shown.
+constexpr char kRecordingName[] = "pictures.mcap";
+// Half of the time between a recording's frames, and some: a picture is of the nearest.
+constexpr double kNearS = 0.02;
+
+struct Arguments {
+  std::string source;
+  std::vector<double> at_s;
+  std::string out;
+  std::string size = "1280x720";
+  std::string colour_map = "none";
+  std::string theme = "light";
+  std::string browser;
+  std::vector<std::string> settings;
+  bool json = false;
+};
+
+struct Size {
+  int width = 0, height = 0;
+};
+
+// "640x480"; empty unless both are from 64 to 8192.
+std::optional<Size> ParseSize(const std::string& text) {
+  Size size;
+  const char* end = text.data() + text.size();
+  const auto width = std::from_chars(text.data(), end, size.width);
+  if (width.ec != std::errc() || width.ptr == end || *width.ptr != 'x') return std::nullopt;
+  const auto height = std::from_chars(width.ptr + 1, end, size.height);
+  if (height.ec != std::errc() || height.ptr != end) return std::nullopt;
+  const auto permitted = [](int pixels) { return pixels >= 64 && pixels <= 8192; };
+  if (!permitted(size.width) || !permitted(size.height)) return std::nullopt;
+  return size;
+}
+
+ExitCode Fail(const absl::Status& status) {
+  if (absl::IsCancelled(status)) return kExitInterrupted;
+  std::cerr << "error: " << status.message() << "\n";
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kOutOfRange:
+      return kExitBadInput;
+    case absl::StatusCode::kUnavailable:
+      return kExitCannotConnect;
+    default:
+      return kExitCheckFailed;
+  }
+}
+
+// A directory that can be written to, made if need be.
+absl::Status MakeOutputDirectory(const std::string& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (!error && access(directory.c_str(), W_OK | X_OK) == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("--out ", directory, ": cannot be written to"));
+}
+
+// Puts what is to be seen into `directory`, as kRecordingName.
+absl::Status Prepare(const Arguments& arguments, const std::string& directory) {
+  const std::string file = absl::StrCat(directory, "/", kRecordingName);
+  if (!IsMcap(arguments.source)) {
+    return RecordInstants(arguments.source, arguments.settings, arguments.at_s, file,
+                          [] { return Interruption::requested(); });
+  }
+  const absl::StatusOr<double> end_s = LastFrameTime(arguments.source);
+  if (!end_s.ok()) return end_s.status();
+  const double latest_s = *std::max_element(arguments.at_s.begin(), arguments.at_s.end());
+  if (latest_s > *end_s + kNearS) {
+    return absl::OutOfRangeError(
+        absl::StrFormat("--at %g: %s ends at %.3f s", latest_s, arguments.source, *end_s));
+  }
+  // The server takes no links out of its directory.
+  std::error_code error;
+  fs::copy_file(arguments.source, file, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(
+      absl::StrCat("cannot copy ", arguments.source, " to ", directory, ": ", error.message()));
+}
+
+// What the page complained of, behind what went wrong.
+absl::Status WithComplaints(const absl::Status& status, const Browser& browser) {
+  if (browser.page_errors().empty()) return status;
+  return absl::Status(status.code(), absl::StrCat(status.message(), "; the page says: ",
+                                                  absl::StrJoin(browser.page_errors(), "; ")));
+}
+
+absl::Status OpenPage(const Arguments& arguments, const std::string& address, Browser* browser) {
+  const absl::Status opened = browser->Open(
+      absl::StrCat("http://", address, "/?recording=/v1/recordings/", kRecordingName,
+                   "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme));
+  if (!opened.ok()) return opened;
+  return browser
+      ->Evaluate(R"(new Promise((done, fail) => {
+        const look = () => {
+          const page = window.adhesim;
+          const banner = document.querySelector('#banner[data-level="error"]:not([hidden])');
+          if (banner) fail(new Error(banner.textContent));
+          else if (page?.errors?.length) fail(new Error(page.errors.join('; ')));
+          else if (page?.mode === 'recording') done(true);
+          else setTimeout(look, 20);
+        };
+        look();
+      }))")
+      .status();
+}
+
+// Shows an instant and writes the page as it is painted then.
+absl::StatusOr<Json> TakePicture(double at_s, const std::string& path, Browser* browser) {
+  const absl::StatusOr<nlohmann::json> shown =
+      browser->Evaluate(absl::StrFormat("window.adhesim.showAt(%.9f)", at_s));
+  if (!shown.ok()) return shown.status();
+  const absl::StatusOr<std::string> png = browser->Screenshot();
+  if (!png.ok()) return png.status();
+  if (!browser->page_errors().empty()) return absl::InternalError("the page has errors");
+  std::ofstream file(path, std::ios::binary);
+  file << *png;
+  file.close();
+  if (!file) return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+  Json picture;
+  picture["path"] = path;
+  picture["step"] = shown->value("step", 0.0);
+  picture["time_s"] = shown->value("timeS", 0.0);
+  return picture;
+}
+
+absl::Status TakePictures(const Arguments& arguments, Size size, const std::string& directory) {
+  const absl::StatusOr<std::unique_ptr<PageServer>> server = PageServer::Start(directory);
+  if (!server.ok()) return server.status();
+  Browser::Options options;
+  options.program = arguments.browser;
+  options.width = size.width;
+  options.height = size.height;
+  options.timeout_s = kBrowserTimeoutS;
+  options.stop = [] { return Interruption::requested(); };
+  const absl::StatusOr<std::unique_ptr<Browser>> browser = Browser::Start(options);
+  if (!browser.ok()) return browser.status();
+  const absl::Status opened = OpenPage(arguments, (*server)->address(), browser->get());
+  if (!opened.ok()) return WithComplaints(opened, **browser);
+
+  Json pictures = Json::array();
+  for (const double at_s : arguments.at_s) {
+    const std::string name =
+        absl::StrFormat("%s-t%.3fs.png", fs::path(arguments.source).stem().string(), at_s);
+    const absl::StatusOr<Json> picture =
+        TakePicture(at_s, (fs::path(arguments.out) / name).string(), browser->get());
+    if (!picture.ok()) return WithComplaints(picture.status(), **browser);
+    if (!arguments.json) std::cout << (*picture)["path"].get<std::string>() << std::endl;
+    pictures.push_back(*picture);
+  }
+  if (arguments.json) PrintJson({{"pictures", pictures}});
+  return absl::OkStatus();
+}
+
+ExitCode Render(Arguments arguments) {
+  const std::optional<Size> size = ParseSize(arguments.size);
+  if (!size) {
+    std::cerr << "error: --size " << arguments.size
+              << " is not permitted (WIDTHxHEIGHT, each from 64 to 8192)\n";
+    return kExitBadInput;
+  }
+  // Names show milliseconds: what they cannot tell apart is one picture.
+  for (double& at_s : arguments.at_s) at_s = std::round(at_s * 1e3) * 1e-3;
+  std::sort(arguments.at_s.begin(), arguments.at_s.end());
+  arguments.at_s.erase(std::unique(arguments.at_s.begin(), arguments.at_s.end()),
+                       arguments.at_s.end());
+  const Interruption interruption;
+  // Before the work, which may be long.
+  for (const absl::Status& status : {Browser::Find(arguments.browser).status(),
+                                     PageServer::HasPage(), MakeOutputDirectory(arguments.out)}) {
+    if (!status.ok()) return Fail(status);
+  }
+  const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
+  if (!directory.ok()) return Fail(directory.status());
+  absl::Status status = Prepare(arguments, (*directory)->path());
+  if (status.ok()) status = TakePictures(arguments, *size, (*directory)->path());
+  return status.ok() ? kExitOk : Fail(status);
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App& app, int* exit_code) {
+  CLI::App* command = app.add_subcommand(
+      "render", "Pictures of chosen instants, through a browser without a display");
+  auto arguments = std::make_shared<Arguments>();
+  command->add_option("SOURCE", arguments->source, "Scene file, or recording (.mcap)")
+      ->required()
+      ->check(CLI::ExistingFile);
+  command
+      ->add_option("--at", arguments->at_s,
+                   "Simulated times, s; of a recording the nearest frames are shown")
+      ->required()
+      ->type_name("T...")
+      ->check(Between(0.0, 1e6));
+  command
+      ->add_option("--out", arguments->out,
+                   "Directory for the pictures, which are named NAME-tT.TTTs.png")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--size", arguments->size, "Pixels")
+      ->type_name("WIDTHxHEIGHT")
+      ->capture_default_str();
+  command->add_option("--colour-map", arguments->colour_map, "What the tissue's colour shows")
+      ->check(CLI::IsMember({"none", "displacement", "contact-force", "strain-energy", "zone"}))
+      ->capture_default_str();
+  command->add_option("--theme", arguments->theme, "Background")
+      ->check(CLI::IsMember({"light", "dark"}))
+      ->capture_default_str();
+  command
+      ->add_option("--set", arguments->settings,
+                   "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+  command->add_option("--browser", arguments->browser,
+                      "Chromium's program (default: the one on PATH)");
+  command->add_flag("--json", arguments->json,
+                    "Prints one JSON object: path, step and time of each");
+  command->callback([arguments, exit_code] { *exit_code = Render(*arguments); });
+}
+
+}  // namespace adhesim
