@@ -1,4 +1,4 @@
-// Small helpers for the parts of the page that are plain HTML.
+// What the parts of the page share that are plain HTML.
 
 /** The element with this id, which index.html promises. */
 export function byId<T extends HTMLElement = HTMLElement>(id: string): T {

@@ -20,7 +20,6 @@ import { Transport } from "./transport";
 import { parseUrlParameters } from "./url_parameters";
 
 const kReadoutMs = 100;
-const kPlotMs = 50;
 const kClickPx = 4;
 
 const parameters = parseUrlParameters(location.search);
@@ -30,6 +29,7 @@ document.body.dataset.role = "viewer";
 
 const canvas = byId<HTMLCanvasElement>("canvas");
 const scene3d = new Scene3d(canvas, byId("view"), parameters.picture ? "smooth" : "auto");
+const kPlotMs = scene3d.software ? 100 : 50;
 const hooks = installHooks({
   showAt: (timeS) => playback.showAt(timeS),
   pixels: () => scene3d.pixels(),

@@ -23,6 +23,8 @@ export class Scene3d {
   readonly camera = new PerspectiveCamera(kFieldOfViewDeg, 1, 0.001, 10);
   readonly renderer: WebGLRenderer;
   readonly controls: OrbitControls;
+  /** Drawn without a graphics processor: what can be saved is saved. */
+  readonly software: boolean;
   /** Called after the camera moved or the canvas was resized. */
   onView: () => void = () => {};
   /**
@@ -40,14 +42,14 @@ export class Scene3d {
     private readonly frame: HTMLElement,
     quality: "smooth" | "auto",
   ) {
-    const software = quality === "auto" && rendersInSoftware();
+    this.software = quality === "auto" && rendersInSoftware();
     // Drawing in software costs time by the pixel: no smoothing and no extra pixels there.
     this.renderer = new WebGLRenderer({
       canvas,
-      antialias: !software,
+      antialias: !this.software,
       powerPreference: "high-performance",
     });
-    this.renderer.setPixelRatio(software ? 1 : Math.min(2, window.devicePixelRatio));
+    this.renderer.setPixelRatio(this.software ? 1 : Math.min(2, window.devicePixelRatio));
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => this.viewChanged());

@@ -5,8 +5,10 @@ import {
   BufferGeometry,
   DoubleSide,
   DynamicDrawUsage,
+  FrontSide,
   Group,
   Mesh,
+  MeshLambertMaterial,
   MeshPhongMaterial,
   Sphere,
   type Intersection,
@@ -22,8 +24,10 @@ import {
   type Range,
 } from "./colour_map";
 import type { BodyTopology, Topology } from "./gen/adhesim/v1/frame_pb";
-import { computeNormals } from "./normals";
 import { readTriangles, type Particles } from "./particles";
+import { computeNormals, isClosed } from "./surface";
+
+type Material = MeshPhongMaterial | MeshLambertMaterial;
 
 const kSoftColours = ["#b5564a", "#c98f6a", "#a3795e", "#bf7f86", "#8f8a60"];
 const kRigidColour = "#cfc8b4";
@@ -41,13 +45,15 @@ export class Tissue {
   private readonly triangles: Uint32Array<ArrayBuffer>;
   private readonly normal: BufferAttribute;
   private readonly colour: BufferAttribute;
-  private readonly meshes: Mesh<BufferGeometry, MeshPhongMaterial>[] = [];
+  private readonly meshes: Mesh<BufferGeometry, Material>[] = [];
   private map: ColourMapName = "none";
   private painted: ColourMapName | undefined;
 
   constructor(
     topology: Topology,
     private readonly particles: Particles,
+    /** Without highlights, for machines that draw in software. */
+    private readonly plain: boolean,
   ) {
     this.bodies = topology.bodies;
     this.triangles = readTriangles(topology);
@@ -63,7 +69,9 @@ export class Tissue {
     this.map = map;
     for (const [index, { material }] of this.meshes.entries()) {
       // A highlight would change the colours of a legend.
-      material.specular.set(map === "none" ? sheen(this.bodies[index]) : 0x000000);
+      if (material instanceof MeshPhongMaterial) {
+        material.specular.set(map === "none" ? sheen(this.bodies[index]) : 0x000000);
+      }
     }
   }
 
@@ -125,7 +133,7 @@ export class Tissue {
       false,
     );
     if (!hit?.face) return undefined;
-    const body = this.meshes.indexOf(hit.object as Mesh<BufferGeometry, MeshPhongMaterial>);
+    const body = this.meshes.indexOf(hit.object as Mesh<BufferGeometry, Material>);
     const distance = (p: number) =>
       Math.hypot(
         this.position.getX(p) - hit.point.x,
@@ -143,7 +151,7 @@ export class Tissue {
     }
   }
 
-  private mesh(body: BodyTopology): Mesh<BufferGeometry, MeshPhongMaterial> {
+  private mesh(body: BodyTopology): Mesh<BufferGeometry, Material> {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", this.position);
     geometry.setAttribute("normal", this.normal);
@@ -152,17 +160,20 @@ export class Tissue {
     const own = this.triangles.subarray(first, first + 3 * body.triangles);
     geometry.setIndex(new BufferAttribute(own, 1));
     geometry.boundingSphere = new Sphere(undefined, Infinity);
-    const material = new MeshPhongMaterial({
+    const look = {
       vertexColors: true,
-      side: DoubleSide,
-      specular: sheen(body),
-      shininess: body.rigid ? 10 : 40,
+      // The inside of a closed surface cannot be seen.
+      side: isClosed(own) ? FrontSide : DoubleSide,
       // Dots and wires that lie on the surface are drawn in front of it.
       polygonOffset: true,
       polygonOffsetFactor: 1,
       polygonOffsetUnits: 1,
-    });
-    const mesh = new Mesh(geometry, material);
+    };
+    const shininess = body.rigid ? 10 : 40;
+    const material = this.plain
+      ? new MeshLambertMaterial(look)
+      : new MeshPhongMaterial({ ...look, specular: sheen(body), shininess });
+    const mesh = new Mesh<BufferGeometry, Material>(geometry, material);
     mesh.frustumCulled = false;
     mesh.name = body.name;
     return mesh;

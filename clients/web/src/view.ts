@@ -45,7 +45,7 @@ export class View {
   setTopology(topology: Topology): void {
     const before = this.content;
     const particles = new Particles(topology);
-    const tissue = new Tissue(topology, particles);
+    const tissue = new Tissue(topology, particles, this.scene3d.software);
     const tools = new ToolMeshes(topology.tools);
     const markers = new Markers(tissue.position, particles);
     const ground = new Ground();

@@ -1,8 +1,8 @@
-// Smooth normals of an indexed surface: each vertex's is the sum of its triangles' area vectors,
-// normalised.
+// What is computed of an indexed surface.
 
 /**
- * Writes `normals` [3 x #vertices]; vertices of no triangle keep a zero normal. Allocates nothing.
+ * Smooth normals: each vertex's is the sum of its triangles' area vectors, normalised. Writes
+ * `normals` [3 x #vertices]; vertices of no triangle keep a zero normal. Allocates nothing.
  */
 export function computeNormals(
   position: Float32Array,
@@ -49,4 +49,25 @@ export function computeNormals(
       normals[i + 2] = z / length;
     }
   }
+}
+
+/**
+ * Whether a surface has an inside: each edge of a triangle is met by exactly one other, the other way
+ * round.
+ */
+export function isClosed(triangles: Uint32Array): boolean {
+  // Vertices are numbered below 2^26 at most, so that a pair is an exact number.
+  const base = 2 ** 26;
+  const edges = new Set<number>();
+  for (let t = 0; t < triangles.length; t += 3) {
+    for (let corner = 0; corner < 3; corner++) {
+      const edge = triangles[t + corner] * base + triangles[t + ((corner + 1) % 3)];
+      if (edges.has(edge)) return false;
+      edges.add(edge);
+    }
+  }
+  for (const edge of edges) {
+    if (!edges.has((edge % base) * base + Math.floor(edge / base))) return false;
+  }
+  return triangles.length > 0;
 }
