@@ -17,6 +17,7 @@ enum ExitCode {
 // Each adds one subcommand (with its options and help) to `app`; running it stores an ExitCode in
 // `*exit_code`.
 void AddRunCommand(CLI::App& app, int* exit_code);
+void AddRenderCommand(CLI::App& app, int* exit_code);
 void AddReplayCommand(CLI::App& app, int* exit_code);
 void AddSceneCommand(CLI::App& app, int* exit_code);
 void AddMeshCommand(CLI::App& app, int* exit_code);

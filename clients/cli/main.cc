@@ -36,6 +36,7 @@ int Main(int argc, char** argv) {
   app.require_subcommand(1);
   int exit_code = kExitOk;
   AddRunCommand(app, &exit_code);
+  AddRenderCommand(app, &exit_code);
   AddReplayCommand(app, &exit_code);
   AddSceneCommand(app, &exit_code);
   AddMeshCommand(app, &exit_code);
