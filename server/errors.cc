@@ -39,6 +39,8 @@ Entry Find(Reason reason) {
       return {"TOOL_NOT_FOUND", Code::kNotFound};
     case Reason::kToolTaken:
       return {"TOOL_TAKEN", Code::kAlreadyExists};
+    case Reason::kRecordingNotFound:
+      return {"RECORDING_NOT_FOUND", Code::kNotFound};
     case Reason::kStreamNotStarted:
       return {"STREAM_NOT_STARTED", Code::kInvalidArgument};
     case Reason::kStreamStartedTwice:

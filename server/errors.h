@@ -20,6 +20,7 @@ enum class Reason {
   kSessionNotPaused,
   kToolNotFound,
   kToolTaken,
+  kRecordingNotFound,
   kStreamNotStarted,
   kStreamStartedTwice,
   kStreamInUse,

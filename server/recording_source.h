@@ -23,8 +23,8 @@ struct RecordingSource {
       record;
   // The recordings there are, in order of name.
   std::function<v1::ListRecordingsResponse()> list;
-  // The path of a recording's file. Errors: InvalidArgument (a name that leaves the directory),
-  // NotFound.
+  // The path of a recording's file. Errors: ArgumentInvalid (a name that leaves the directory),
+  // RecordingNotFound.
   std::function<absl::StatusOr<std::string>(const std::string& name)> find;
 };
 

@@ -13,6 +13,7 @@
 
 #include "server/errors.h"
 #include "server/interaction_service.h"
+#include "server/recording_service.h"
 #include "server/service_context.h"
 #include "server/session_service.h"
 #include "server/view_service.h"
@@ -59,12 +60,13 @@ void Configure(const Limits& limits, grpc::ServerBuilder* builder) {
 // In the order of construction; destroyed the other way round.
 struct Server::Parts {
   Parts(const Options& options, SceneSource scenes, SessionCalls::About about)
-      : sessions(std::move(scenes), options.limits, options.realtime),
+      : sessions(std::move(scenes), options.limits, options.realtime, options.recordings),
         context{sessions, {}},
-        calls(&context, std::move(about), options.list_recordings),
+        calls(&context, std::move(about)),
         session_service(&calls),
         interaction_service(&context),
-        view_service(&context) {}
+        view_service(&context),
+        recording_service(&context) {}
 
   Sessions sessions;
   ServiceContext context;
@@ -72,6 +74,7 @@ struct Server::Parts {
   SessionService session_service;
   InteractionService interaction_service;
   ViewService view_service;
+  RecordingService recording_service;
   std::unique_ptr<WebServer> web;
   std::unique_ptr<grpc::Server> server;
 };
@@ -100,6 +103,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, Sc
   builder.RegisterService(&parts.session_service);
   builder.RegisterService(&parts.interaction_service);
   builder.RegisterService(&parts.view_service);
+  builder.RegisterService(&parts.recording_service);
   parts.server = builder.BuildAndStart();
   const bool is_unix = options.listen.starts_with("unix:");
   if (parts.server == nullptr || (port == 0 && !is_unix)) {
@@ -110,7 +114,6 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(const Options& options, Sc
     WebServer::Options web;
     web.listen = options.http;
     web.insecure_listen = options.insecure_listen;
-    web.recordings = options.recordings;
     absl::StatusOr<std::unique_ptr<WebServer>> started =
         WebServer::Start(web, &parts.context, &parts.calls);
     if (!started.ok()) return started.status();

@@ -8,6 +8,7 @@
 
 #include "server/limits.h"
 #include "server/listen.h"
+#include "server/recording_source.h"
 #include "server/scene_source.h"
 #include "server/session_calls.h"
 
@@ -23,8 +24,7 @@ class Server {
     bool realtime = true;                    // false: threads stay in the plain class
     std::string version;
     Limits limits;
-    std::string recordings;  // directory from which the HTTP port serves; empty: none
-    SessionCalls::ListRecordings list_recordings;  // empty: there are none
+    RecordingSource recordings;  // empty: nothing is recorded
   };
 
   // Errors: InvalidArgument for an address that is not loopback without `insecure_listen`;

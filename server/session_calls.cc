@@ -16,11 +16,8 @@ constexpr std::size_t kMaxWaiting = 64;
 
 }  // namespace
 
-SessionCalls::SessionCalls(ServiceContext* context, About about, ListRecordings list_recordings)
-    : context_(context),
-      about_(std::move(about)),
-      list_recordings_(std::move(list_recordings)),
-      workers_(kWorkers, kMaxWaiting) {}
+SessionCalls::SessionCalls(ServiceContext* context, About about)
+    : context_(context), about_(std::move(about)), workers_(kWorkers, kMaxWaiting) {}
 
 void SessionCalls::Later(std::function<absl::Status()> work, Done done) {
   // One of the two has it in the end.
@@ -145,12 +142,9 @@ void SessionCalls::Handle(const Caller&, const v1::GetServerInfoRequest&,
 
 void SessionCalls::Handle(const Caller&, const v1::ListRecordingsRequest&,
                           v1::ListRecordingsResponse* response, Done done) {
-  if (list_recordings_ == nullptr) {
-    done(absl::OkStatus());
-    return;
-  }
   const auto list = [this, response] {
-    *response = list_recordings_();
+    const auto& recordings = context_->sessions.recordings();
+    if (recordings.list) *response = recordings.list();
     return absl::OkStatus();
   };
   Later(list, std::move(done));

@@ -21,8 +21,6 @@ class SessionCalls {
     RealtimeClass realtime_class = RealtimeClass::kPlain;
     bool memory_locked = false;
   };
-  // Empty: there are no recordings.
-  using ListRecordings = std::function<v1::ListRecordingsResponse()>;
 
   // Who asks.
   struct Caller {
@@ -33,7 +31,7 @@ class SessionCalls {
   // then.
   using Done = std::function<void(const absl::Status&)>;
 
-  SessionCalls(ServiceContext* context, About about, ListRecordings list_recordings);
+  SessionCalls(ServiceContext* context, About about);
 
   void Handle(const Caller& caller, const v1::ListScenesRequest& request,
               v1::ListScenesResponse* response, Done done);
@@ -69,7 +67,6 @@ class SessionCalls {
 
   ServiceContext* const context_;
   const About about_;
-  const ListRecordings list_recordings_;
   Workers workers_;
 };
 

@@ -5,10 +5,13 @@
 #include <atomic>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
+#include "server/recording/paraview_export.h"
 #include "server/recording/replay.h"
 
 namespace adhesim {
@@ -18,6 +21,7 @@ struct Arguments {
   std::string file;
   bool verify = false;
   int threads = 1;
+  std::string pvd;
   bool json = false;
 };
 
@@ -88,24 +92,28 @@ void PrintText(const Arguments& arguments, const ReplayResult& result) {
 }
 
 // What is wrong with the file, for people.
-void PrintDoubts(const Arguments& arguments, const ReplayResult& result) {
-  if (result.truncated_at) {
-    std::cerr << absl::StrFormat(
-        "warning: %s: cut short at byte %d; what is whole ends after step %d\n", arguments.file,
-        *result.truncated_at, result.steps);
+void PrintDamage(const std::string& file, const std::optional<std::uint64_t>& truncated_at,
+                 const std::vector<McapDamage>& damage) {
+  if (truncated_at) {
+    std::cerr << absl::StrFormat("warning: %s: cut short at byte %d; used is what is whole\n", file,
+                                 *truncated_at);
   }
-  if (result.writer_was_behind) {
-    std::cerr << "warning: " << arguments.file
-              << ": its writer was too far behind; the session went on after its end\n";
-  }
-  for (const McapDamage& one : result.damage) {
+  for (const McapDamage& one : damage) {
     std::string when;
     if (one.first_time && one.last_time) {
       when = absl::StrFormat(" (simulated time %.3f to %.3f s)", 1e-9 * *one.first_time,
                              1e-9 * *one.last_time);
     }
-    std::cerr << absl::StrFormat("%s: damaged at byte %d: %s%s\n", arguments.file, one.offset,
-                                 one.what, when);
+    std::cerr << absl::StrFormat("%s: damaged at byte %d: %s%s\n", file, one.offset, one.what,
+                                 when);
+  }
+}
+
+// What is wrong with the replay.
+void PrintDifference(const Arguments& arguments, const ReplayResult& result) {
+  if (result.writer_was_behind) {
+    std::cerr << "warning: " << arguments.file
+              << ": its writer was too far behind; the session went on after its end\n";
   }
   if (!result.difference) return;
   const ReplayDifference& difference = *result.difference;
@@ -115,6 +123,26 @@ void PrintDoubts(const Arguments& arguments, const ReplayResult& result) {
       arguments.file, difference.index, difference.step, difference.time_s,
       difference.expected ? HashText(*difference.expected) : "missing",
       HashText(difference.actual));
+}
+
+int RunExport(const Arguments& arguments) {
+  StopOnSignals();
+  const absl::StatusOr<ExportResult> result =
+      ExportParaView(arguments.file, arguments.pvd, stop_requested);
+  if (!result.ok()) {
+    std::cerr << "error: " << result.status().message() << "\n";
+    return kExitBadInput;
+  }
+  if (arguments.json) {
+    PrintJson({{"file", arguments.pvd},
+               {"frames", result->frames},
+               {"truncated", result->truncated_at.has_value()},
+               {"damaged", DamageJson(result->damage)}});
+  } else {
+    std::cout << arguments.pvd << ": " << result->frames << " frames\n";
+  }
+  PrintDamage(arguments.file, result->truncated_at, result->damage);
+  return result->interrupted ? kExitInterrupted : kExitOk;
 }
 
 int RunReplay(const Arguments& arguments) {
@@ -133,7 +161,8 @@ int RunReplay(const Arguments& arguments) {
   } else {
     PrintText(arguments, *result);
   }
-  PrintDoubts(arguments, *result);
+  PrintDamage(arguments.file, result->truncated_at, result->damage);
+  PrintDifference(arguments, *result);
   if (result->interrupted) return kExitInterrupted;
   // A file that was cut short is good as far as it goes; one that was changed is not.
   const bool wrong = result->difference || !result->damage.empty();
@@ -147,15 +176,23 @@ void AddReplayCommand(CLI::App& app, int* exit_code) {
       "replay", "Rebuilds what was recorded, from the recording alone, and steps it again");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("FILE", arguments->file, "Recording (.mcap)")->required();
-  command->add_flag("--verify", arguments->verify,
-                    "Compares the state's hash after every step; ends with 1 at the first that "
-                    "differs");
+  CLI::Option* verify =
+      command->add_flag("--verify", arguments->verify,
+                        "Compares the state's hash after every step; ends with 1 at the first "
+                        "that differs");
   command
       ->add_option("--threads", arguments->threads,
                    "Threads that step; the result is the same for any number")
       ->check(CLI::Range(1, 64));
+  command
+      ->add_option("--export", arguments->pvd,
+                   "Writes the recorded frames for ParaView instead: this file, and one for each "
+                   "frame beside it")
+      ->type_name("OUT.pvd")
+      ->excludes(verify);
   command->add_flag("--json", arguments->json, "Prints one JSON object");
-  command->callback([=] { *exit_code = RunReplay(*arguments); });
+  command->callback(
+      [=] { *exit_code = arguments->pvd.empty() ? RunReplay(*arguments) : RunExport(*arguments); });
 }
 
 }  // namespace adhesim

@@ -15,11 +15,13 @@
 #include <vector>
 
 #include "clients/cli/commands.h"
+#include "clients/cli/record_run.h"
 #include "clients/cli/validators.h"
 #include "core/engine/engine.h"
 #include "core/scene/build_model.h"
 #include "core/scene/scene_file.h"
 #include "core/scene/validate.h"
+#include "server/recording/recording_directory.h"
 #include "server/scene_source.h"
 #include "server/server.h"
 
@@ -36,6 +38,8 @@ struct ServeOptions {
   std::vector<std::string> scenes;
   std::string directory;
   Server::Options server;
+  std::string record;
+  double frames_hz = 60;
   double grace_s = 5;
   bool json = false;
 };
@@ -215,6 +219,17 @@ ExitCode Serve(ServeOptions options) {
   }
   OfferedFiles offered;
   if (!OfferScenes(options, &offered)) return kExitBadInput;
+  if (!options.record.empty()) {
+    Recorder::Options recorder;
+    recorder.frames_hz = options.frames_hz;
+    absl::StatusOr<std::shared_ptr<RecordingDirectory>> recordings =
+        RecordingDirectory::Open(options.record, recorder, options.server.version, BuildText());
+    if (!recordings.ok()) {
+      std::cerr << "error: --record " << recordings.status().message() << "\n";
+      return kExitBadInput;
+    }
+    options.server.recordings = SourceOf(*recordings);
+  }
   const std::string directory = options.directory.empty() && !options.scenes.empty()
                                     ? fs::path(options.scenes[0]).parent_path().string()
                                     : options.directory;
@@ -267,6 +282,17 @@ void AddServeCommand(CLI::App& app, int* exit_code) {
       ->add_option("--max-streams-per-peer", options->server.limits.streams_per_peer,
                    "Open streams from one host")
       ->check(CLI::Range(1, 100'000))
+      ->capture_default_str();
+  CLI::Option* record =
+      command
+          ->add_option("--record", options->record,
+                       "Directory that gets a recording (SCENE-SESSION.mcap) of every session")
+          ->type_name("DIR");
+  command
+      ->add_option("--record-frames", options->frames_hz,
+                   "Frames per simulated second in the recordings")
+      ->check(Between(1e-3, 1e5))
+      ->needs(record)
       ->capture_default_str();
   command->add_flag("--json", options->json, "First line as JSON");
   command->callback([options, exit_code] { *exit_code = Serve(*options); });

@@ -167,7 +167,8 @@ bool McapReader::ReadRecord(std::uint8_t opcode, std::uint64_t length) {
     case kDataEnd:
       ReadEnd(record_, crc_before);
       return false;
-    case kFooter:  // of a file without a data end
+    case kFooter:
+      Damaged(record_begin_, "a footer before the end of the data section");
       done_ = true;
       return false;
     default:  // the header, indexes, and what later versions add
@@ -332,7 +333,7 @@ absl::StatusOr<bool> McapReader::Next(McapMessage* message) {
     }
     if (opcode == kMessage) {
       // A message outside of chunks: read as a chunk of one.
-      record_.insert(0, prefix);
+      record_ = absl::StrCat(prefix, record_);
       chunk_ = record_;
       chunk_at_ = record_begin_;
       chunk_whole_ = true;

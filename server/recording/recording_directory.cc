@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/errors.h"
 #include "server/recording/file_sink.h"
 
 namespace adhesim {
@@ -28,8 +29,8 @@ std::string FileNamePart(const std::string& text) {
   std::string part = text.substr(0, kMostNameBytes);
   std::replace_if(
       part.begin(), part.end(), [](char c) { return !IsPlain(c); }, '_');
-  if (part.empty() || part[0] == '.') part.insert(0, "_");
-  return part;
+  const bool hidden = part.empty() || part[0] == '.';
+  return hidden ? absl::StrCat("_", part) : part;
 }
 
 absl::StatusOr<std::shared_ptr<RecordingDirectory>> RecordingDirectory::Open(
@@ -102,15 +103,16 @@ absl::StatusOr<std::string> RecordingDirectory::Find(const std::string& name) co
   const bool plain = name.size() <= kMostFileNameBytes && !name.starts_with(".") &&
                      name.ends_with(kExtension) && std::all_of(name.begin(), name.end(), IsPlain);
   if (!plain) {
-    return absl::InvalidArgumentError(
+    const std::string what =
         "the name of a recording has letters, digits, '.', '_' and '-' only, does not begin with "
-        "'.' and ends in .mcap");
+        "'.' and ends in .mcap";
+    return Error(Reason::kArgumentInvalid, what, {{"name", what}});
   }
   const fs::path path = fs::path(path_) / name;
   std::error_code error;
   // A link could lead out of the directory.
   if (fs::symlink_status(path, error).type() != fs::file_type::regular) {
-    return absl::NotFoundError(absl::StrCat("no recording \"", name, "\""));
+    return Error(Reason::kRecordingNotFound, absl::StrCat("no recording \"", name, "\""));
   }
   return path.string();
 }

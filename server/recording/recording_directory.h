@@ -27,8 +27,8 @@ class RecordingDirectory {
                                                        const ReadScene& scene,
                                                        const Engine& engine);
   v1::ListRecordingsResponse List() const;
-  // The path of a recording by its file name. Errors: InvalidArgument for anything but a plain name
-  // that ends in .mcap, NotFound.
+  // The path of a recording by its file name. Errors: ArgumentInvalid for anything but a plain name
+  // that ends in .mcap, RecordingNotFound.
   absl::StatusOr<std::string> Find(const std::string& name) const;
 
  private:

@@ -1,3 +1,4 @@
+#include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -209,9 +210,9 @@ void HttpConnection::Drain(std::size_t read) {
 void HttpConnection::AnswerRecording(const std::string& name) {
   std::uint64_t size = 0;
   std::shared_ptr<int> file;
-  if (!context_->options.recordings.empty()) {
-    file = OpenFile(absl::StrCat(context_->options.recordings, "/", name), &size);
-  }
+  const auto& find = context_->service->sessions.recordings().find;
+  const absl::StatusOr<std::string> path = find ? find(name) : absl::NotFoundError("");
+  if (path.ok()) file = OpenFile(*path, &size);
   if (file == nullptr) return AnswerText(http::status::not_found, "there is no such recording");
   const Request& request = parser_->get();
   ByteRange range;

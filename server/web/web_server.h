@@ -32,7 +32,6 @@ class WebServer {
   struct Options {
     std::string listen;            // HOST:PORT; port 0: a free one
     bool insecure_listen = false;  // permits addresses that other machines reach, and any Host
-    std::string recordings;        // directory; empty: there are none
     Patience patience;
   };
 

@@ -1,0 +1,18 @@
+import { readdirSync } from "node:fs";
+import { defineConfig } from "vite";
+
+// Bundles the unit tests for Node, so that they need no other runner than node:test.
+export default defineConfig({
+  build: {
+    ssr: true,
+    outDir: "node_modules/.adhesim-test",
+    emptyOutDir: true,
+    target: "node20",
+    rollupOptions: {
+      input: readdirSync("test")
+        .filter((name) => name.endsWith(".test.ts"))
+        .map((name) => `test/${name}`),
+    },
+  },
+  logLevel: "warn",
+});

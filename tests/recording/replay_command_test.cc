@@ -1,0 +1,131 @@
+// Runs the built program as its users do.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/recording/recording_files.h"
+
+namespace adhesim {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+using test::TempPath;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string out;
+  std::string err;
+};
+
+Outcome Adhesim(const std::string& arguments) {
+  const std::string out = TempPath("out"), err = TempPath("err");
+  const std::string command =
+      std::string(ADHESIM_PROGRAM) + " " + arguments + " >" + out + " 2>" + err + " </dev/null";
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, test::ReadWholeFile(out),
+          test::ReadWholeFile(err)};
+}
+
+constexpr char kScene[] = ADHESIM_SOURCE_DIR "/scenes/training/needle_organ.yaml";
+
+// A recording of 300 steps; the hash at its end.
+std::string Record(const std::string& path, const std::string& arguments = "") {
+  const Outcome run = Adhesim(std::string("run ") + kScene + " --steps 300 --json --record " +
+                              path + " " + arguments);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const Json report = Json::parse(run.out);
+  EXPECT_EQ(report["recording"]["bytes"], test::ReadWholeFile(path).size());
+  return report["state_hash"];
+}
+
+TEST(ReplayCommand, VerifiesARun) {
+  const std::string path = TempPath("run.mcap");
+  const std::string hash = Record(path);
+  for (const char* threads : {"1", "2"}) {
+    const Outcome replay =
+        Adhesim("replay " + path + " --verify --json --threads " + std::string(threads));
+    EXPECT_EQ(replay.exit_code, 0) << replay.err;
+    EXPECT_EQ(replay.err, "");
+    const Json json = Json::parse(replay.out);
+    EXPECT_EQ(json["scene"], "needle_organ");
+    EXPECT_EQ(json["steps"], 300);
+    EXPECT_EQ(json["verified_steps"], 300);
+    EXPECT_EQ(json["frames"], 1 + 18);
+    EXPECT_EQ(json["identical"], true);
+    EXPECT_EQ(json["truncated"], false);
+    EXPECT_EQ(json["state_hash"], hash);
+    EXPECT_FALSE(json["recorded_by"]["build"].get<std::string>().empty());
+  }
+  const Outcome text = Adhesim("replay " + path + " --verify");
+  EXPECT_THAT(text.out, HasSubstr("300 steps are identical"));
+}
+
+TEST(ReplayCommand, RecordsSettingsAndFrameRates) {
+  const std::string path = TempPath("set.mcap");
+  const std::string hash = Record(path, "--rate 500 --record-frames 100");
+  const Json json = Json::parse(Adhesim("replay --json --verify " + path).out);
+  EXPECT_EQ(json["state_hash"], hash);
+  EXPECT_EQ(json["seconds"], 0.6);
+  EXPECT_EQ(json["frames"], 1 + 60);
+}
+
+TEST(ReplayCommand, EndsWithOneAtADamagedFile) {
+  const std::string path = TempPath("damaged.mcap");
+  Record(path);
+  std::string bytes = test::ReadWholeFile(path);
+  bytes[bytes.size() * 2 / 3] ^= 0x10;
+  test::WriteFile(path, bytes);
+  const Outcome replay = Adhesim("replay --verify --json " + path);
+  EXPECT_EQ(replay.exit_code, 1);
+  EXPECT_THAT(replay.err, HasSubstr("damaged at byte"));
+  EXPECT_FALSE(Json::parse(replay.out)["damaged"].empty());
+}
+
+TEST(ReplayCommand, ReadsATruncatedFileAndSaysSo) {
+  const std::string path = TempPath("short.mcap");
+  Record(path);
+  const std::string bytes = test::ReadWholeFile(path);
+  test::WriteFile(path, bytes.substr(0, bytes.size() * 3 / 4));
+  const Outcome replay = Adhesim("replay --verify --json " + path);
+  EXPECT_EQ(replay.exit_code, 0);
+  EXPECT_THAT(replay.err, HasSubstr("cut short at byte"));
+  const Json json = Json::parse(replay.out);
+  EXPECT_EQ(json["truncated"], true);
+  EXPECT_LE(json["truncated_at_byte"], bytes.size() * 3 / 4);
+  EXPECT_GT(json["verified_steps"], 100);
+  EXPECT_LT(json["verified_steps"], 300);
+  EXPECT_EQ(json["identical"], true);
+}
+
+TEST(ReplayCommand, EndsWithTwoOnBadInput) {
+  test::WriteFile(TempPath("text.mcap"), "not MCAP at all");
+  for (const std::string& arguments :
+       {std::string("replay"), std::string("replay no/such/file.mcap"),
+        "replay " + TempPath("text.mcap"), std::string("replay ") + kScene,
+        "replay " + TempPath("text.mcap") + " --threads 0",
+        std::string("run ") + kScene + " --steps 1 --record no/such/folder/a.mcap",
+        std::string("run ") + kScene + " --steps 1 --record-frames 10",
+        std::string("run ") + kScene + " --steps 1 --record-frames 0 --record " + TempPath("x"),
+        std::string("serve --record /dev/null/recordings")}) {
+    const Outcome outcome = Adhesim(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("error: ")) << arguments;
+  }
+}
+
+TEST(ReplayCommand, ARunOutlivesAFullDisk) {
+  const Outcome run =
+      Adhesim(std::string("run ") + kScene + " --steps 50 --json --record /dev/full");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("No space left on device"));
+  EXPECT_EQ(Json::parse(run.out)["steps"], 50);
+}
+
+}  // namespace
+}  // namespace adhesim

@@ -1,0 +1,384 @@
+#include "server/recording/replay.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <cmath>
+#include <filesystem>
+#include <future>
+
+#include "adhesim/v1/recording.pb.h"
+#include "server/recording/file_sink.h"
+#include "server/recording/recorder.h"
+#include "server/session.h"
+#include "tests/recording/recording_files.h"
+#include "tests/support/engine_fixture.h"
+#include "tests/support/sample_scenes.h"
+#include "tests/support/test_size.h"
+
+namespace adhesim {
+namespace {
+
+using test::TempPath;
+using ::testing::HasSubstr;
+
+class NoObserver : public SessionObserver {
+ public:
+  void OnFrame(const SessionFrame&, bool) override {}
+  void OnHeartbeat(const SessionFrame&) override {}
+  void OnEnd(const absl::Status&) override {}
+};
+
+// Passes everything on, and keeps the hash of the newest state.
+class HashKeeper : public StepObserver {
+ public:
+  explicit HashKeeper(std::shared_ptr<Recorder> recorder) : recorder_(std::move(recorder)) {}
+  void OnStep(const Engine& engine, std::span<const ToolInput> inputs, const SessionFrame& frame,
+              bool may_wait) noexcept override {
+    hash_ = engine.StateHash();
+    if (recorder_) recorder_->OnStep(engine, inputs, frame, may_wait);
+  }
+  void OnReset(const SessionFrame& frame) noexcept override {
+    if (recorder_) recorder_->OnReset(frame);
+  }
+  void OnState(v1::SessionState state) noexcept override {
+    if (recorder_) recorder_->OnState(state);
+  }
+  void OnEnd() noexcept override {
+    if (recorder_) recorder_->OnEnd();
+  }
+  std::uint64_t hash() const { return hash_; }
+
+ private:
+  std::shared_ptr<Recorder> recorder_;
+  std::uint64_t hash_ = 0;
+};
+
+std::shared_ptr<Recorder> RecordInto(const std::string& path, const Engine& engine,
+                                     const std::vector<SceneAsset>& assets = {}) {
+  const Model& model = engine.model();
+  const RecordingAbout about{"test", "test", "s1", model.name, 1 / model.dt_s, model.seed};
+  return std::make_shared<Recorder>(*OpenFileSink(path, false), Recorder::Options{}, about, assets,
+                                    engine);
+}
+
+// A session with a needle, driven like an operator would.
+class DrivenSession {
+ public:
+  // Records when `path` is not empty.
+  explicit DrivenSession(const std::string& path)
+      : DrivenSession(path, test::EngineOf(test::NeedleScene(test::kPressAndPull))) {}
+  DrivenSession(const std::string& path, std::unique_ptr<Engine> engine) {
+    keeper_ = std::make_shared<HashKeeper>(path.empty() ? nullptr : RecordInto(path, *engine));
+    Session::Options options;
+    options.realtime = false;
+    options.paused = true;
+    options.step_observer = keeper_;
+    session_ = std::make_unique<Session>(std::move(engine), options, &nobody_);
+  }
+
+  void Do(Session::CommandKind kind, std::uint32_t steps = 0) {
+    std::promise<absl::Status> answer;
+    const absl::Status submitted = session_->Submit(
+        kind, steps, [&answer](const absl::Status& status) { answer.set_value(status); });
+    ASSERT_TRUE(submitted.ok()) << submitted;
+    ASSERT_TRUE(answer.get_future().get().ok());
+  }
+  void Step(int steps) { Do(Session::CommandKind::kStep, steps); }
+  // The needle goes in and out once a second, and turns.
+  void Drive(int steps) {
+    for (int done = 0; done < steps; done += 16) {
+      Post(done * 1e-3);
+      Step(std::min(16, steps - done));
+    }
+  }
+  void Post(double t_s) {
+    OperatorPose pose;
+    pose.pose.position_m = Vec3(0.003, 0.002, 0.0475 + 0.0075 * std::cos(2 * M_PI * t_s));
+    const double angle = 0.1 * std::sin(3 * t_s);
+    pose.pose.orientation = Quat(std::cos(angle / 2), std::sin(angle / 2), 0, 0).normalized();
+    session_->PostPose(0, pose);
+  }
+  // Ends the session; the newest hash.
+  std::uint64_t End() {
+    session_->Stop(absl::CancelledError("the test is over"));
+    return keeper_->hash();
+  }
+
+ private:
+  NoObserver nobody_;
+  std::shared_ptr<HashKeeper> keeper_;
+  std::unique_ptr<Session> session_;
+};
+
+// Poses, an operator who falls silent until the tool is retracted, a reset, and poses again.
+std::uint64_t RunScript(const std::string& path, int driven_steps) {
+  DrivenSession session(path);
+  session.Step(100);  // on its trajectory
+  session.Drive(driven_steps);
+  session.Step(2600);
+  session.Drive(200);
+  session.Do(Session::CommandKind::kReset);
+  session.Do(Session::CommandKind::kReset);
+  session.Step(50);
+  session.Drive(300);
+  return session.End();
+}
+
+ReplayResult Verify(const std::string& path, int threads = 1) {
+  const absl::StatusOr<ReplayResult> result = Replay(path, {.verify = true, .threads = threads});
+  EXPECT_TRUE(result.ok()) << result.status();
+  return result.ok() ? *result : ReplayResult();
+}
+
+TEST(Replay, GivesTheSameHashesAsTheSession) {
+  const std::string path = TempPath("session.mcap");
+  const int driven = TestSize(1750, 56'750);  // 5 s and 60 s with the rest of the script
+  const std::uint64_t hash = RunScript(path, driven);
+  for (const int threads : {1, 2}) {
+    const ReplayResult result = Verify(path, threads);
+    EXPECT_FALSE(result.difference) << "step " << result.difference->index;
+    EXPECT_EQ(result.verified, 100u + driven + 2600 + 200 + 50 + 300);
+    EXPECT_EQ(result.final_hash, hash);
+    EXPECT_FALSE(result.truncated_at);
+    EXPECT_TRUE(result.damage.empty());
+    EXPECT_GT(result.frames, 60u);
+  }
+}
+
+TEST(Replay, GivesTheSameHashesAfterRealTimePausesAndResumes) {
+  const std::string path = TempPath("live.mcap");
+  std::uint64_t hash = 0;
+  {
+    DrivenSession session(path);
+    for (int round = 0; round < 3; ++round) {
+      session.Do(Session::CommandKind::kResume);
+      for (int i = 0; i < 20; ++i) {
+        session.Post(0.3 + 0.01 * i);
+        std::this_thread::sleep_for(std::chrono::milliseconds(7));
+      }
+      session.Do(Session::CommandKind::kPause);
+    }
+    hash = session.End();
+  }
+  const ReplayResult result = Verify(path);
+  EXPECT_FALSE(result.difference);
+  EXPECT_GT(result.verified, 0u);
+  EXPECT_EQ(result.final_hash, hash);
+}
+
+TEST(Replay, RecordingChangesNothing) {
+  EXPECT_EQ(RunScript("", 200), RunScript(TempPath("observed.mcap"), 200));
+}
+
+// Changes the 100th or a later input by as little as a double can be, with every checksum right:
+// only the hash can tell.
+TEST(Replay, NamesTheStepOfAChangedInput) {
+  const std::string path = TempPath("changed.mcap");
+  RunScript(path, 500);
+  v1::StepInputs inputs;
+  std::uint64_t offset = 0;
+  {
+    auto reader = *McapReader::Open(path);
+    McapMessage message;
+    while (*reader->Next(&message)) {
+      if (reader->channels().at(message.channel).topic != kInputsTopic) continue;
+      ASSERT_TRUE(inputs.ParseFromArray(message.data.data(), message.data.size()));
+      offset = message.offset;
+      if (inputs.index() >= 100 && inputs.tools(0).has_target()) break;
+    }
+  }
+  v1::Pose* target = inputs.mutable_tools(0)->mutable_target();
+  target->set_x_m(std::nextafter(target->x_m(), 1));
+  const std::string changed = inputs.SerializeAsString();
+  std::string file = test::ReadWholeFile(path);
+  file.replace(offset + mcap::kRecordPrefix + mcap::kMessagePrefix, changed.size(), changed);
+  test::RepairChecksums(&file);
+  test::WriteFile(path, file);
+
+  const ReplayResult result = Verify(path);
+  EXPECT_TRUE(result.damage.empty());
+  ASSERT_TRUE(result.difference);
+  EXPECT_EQ(result.difference->index, inputs.index());
+  EXPECT_TRUE(result.difference->expected);
+  EXPECT_EQ(result.verified, inputs.index() - 1);
+
+  // With the old checksums, the chunk is said to be damaged as well.
+  file[offset + mcap::kRecordPrefix + mcap::kMessagePrefix + 20] ^= 1;
+  test::WriteFile(path, file);
+  EXPECT_FALSE(Verify(path).damage.empty());
+}
+
+TEST(Replay, NamesTheFirstStepWithoutAHash) {
+  const std::string path = TempPath("no_hash.mcap");
+  RunScript(path, 100);
+  std::uint64_t offset = 0;
+  {
+    auto reader = *McapReader::Open(path);
+    McapMessage message;
+    while (offset == 0 && *reader->Next(&message)) {
+      if (reader->channels().at(message.channel).topic == kHashesTopic) offset = message.offset;
+    }
+  }
+  std::string file = test::ReadWholeFile(path);
+  file[offset + mcap::kRecordPrefix] = 77;  // now of a channel that does not exist
+  test::RepairChecksums(&file);
+  test::WriteFile(path, file);
+  const ReplayResult result = Verify(path);
+  ASSERT_TRUE(result.difference);
+  EXPECT_EQ(result.difference->index, 1u);
+  EXPECT_FALSE(result.difference->expected);
+}
+
+TEST(Replay, ReadsARecordingWhoseWriterWasKilled) {
+  const std::string path = TempPath("killed.mcap");
+  const pid_t writer = fork();
+  ASSERT_GE(writer, 0);
+  if (writer == 0) {
+    const auto engine = test::EngineOf(test::NeedleScene(test::kPressAndPull));
+    const auto recorder = RecordInto(path, *engine);
+    SessionFrame frame;
+    frame.frame = engine->MakeFrame();
+    frame.target_jumps.resize(1);
+    frame.newest_pose.resize(1);
+    while (true) {
+      engine->Step({});
+      engine->WriteFrame(&frame.frame);
+      recorder->OnStep(*engine, {}, frame, true);
+    }
+  }
+  std::error_code error;
+  // The beginning of the file alone is some 20 kB.
+  while (std::filesystem::file_size(path, error) < 300'000 || error) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  kill(writer, SIGKILL);
+  waitpid(writer, nullptr, 0);
+  const ReplayResult result = Verify(path);
+  EXPECT_TRUE(result.truncated_at);
+  EXPECT_FALSE(result.difference);
+  EXPECT_TRUE(result.damage.empty());
+  EXPECT_GT(result.verified, 50u);
+
+  // Cut anywhere, it is as good up to there.
+  const std::string whole = test::ReadWholeFile(path);
+  std::uint64_t before = 0;
+  for (std::size_t length = whole.size() / 2; length < whole.size(); length += 40'001) {
+    test::WriteFile(path, whole.substr(0, length));
+    const ReplayResult part = Verify(path);
+    EXPECT_FALSE(part.difference);
+    EXPECT_GE(part.verified, before);
+    EXPECT_LE(part.verified, result.verified);
+    before = part.verified;
+  }
+}
+
+constexpr char kOctahedron[] =
+    "v 0.05 0 0\nv -0.05 0 0\nv 0 0.05 0\nv 0 -0.05 0\nv 0 0 0.05\nv 0 0 -0.05\n"
+    "f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n";
+
+std::string MeshScene(const std::string& file) {
+  return "bodies:\n  - {name: a, mesh: {file: \"" + file +
+         "\", scale_m: 1}, mass_kg: 0.1}\neffects:\n  - shape_memory: {stiffness_n_m: 10}\n"
+         "  - uniform_gravity: {}\n";
+}
+
+// Records ten steps of a scene with a mesh file.
+void RecordMesh(const std::string& directory, const std::string& file, const std::string& path) {
+  const auto model = test::ModelOf(ParseScene(MeshScene(file), "mesh.yaml", directory));
+  const auto engine = test::EngineOf(model);
+  const auto assets = ReadSceneAssets(model->scene, directory);
+  ASSERT_TRUE(assets.ok()) << assets.status();
+  ASSERT_EQ(assets->size(), 1u);
+  const auto recorder = RecordInto(path, *engine, *assets);
+  SessionFrame frame;
+  frame.frame = engine->MakeFrame();
+  for (int i = 0; i < 10; ++i) {
+    engine->Step({});
+    engine->WriteFrame(&frame.frame);
+    recorder->OnStep(*engine, {}, frame, true);
+  }
+}
+
+TEST(Replay, NeedsNoFileButTheRecording) {
+  const std::string directory = TempPath("scene");
+  const std::string path = TempPath("mesh.mcap");
+  std::filesystem::create_directories(directory + "/meshes");
+  test::WriteFile(directory + "/meshes/body.obj", kOctahedron);
+  RecordMesh(directory, "meshes/body.obj", path);
+  std::filesystem::remove_all(directory);
+  EXPECT_EQ(Verify(path).verified, 10u);
+}
+
+TEST(Replay, NamesInARecordingLeadNowhere) {
+  const std::string directory = TempPath("outside");
+  std::filesystem::create_directories(directory + "/below");
+  test::WriteFile(directory + "/evil.obj", kOctahedron);
+  const std::string path = TempPath("evil.mcap");
+  RecordMesh(directory + "/below", "../evil.obj", path);
+  std::filesystem::remove_all(directory);
+  EXPECT_EQ(Verify(path).verified, 10u);
+  EXPECT_FALSE(std::filesystem::exists(directory));
+
+  // A file that is not attached is not looked for.
+  const auto model = test::ModelOf(test::NeedleScene(test::kPressAndPull));
+  v1::Scene scene = model->scene;
+  scene.mutable_bodies(0)->mutable_mesh()->set_file("/etc/passwd");
+  std::string bytes;
+  McapWriter writer(test::SinkInto(&bytes), "", "");
+  WriteBeginning({"1", "b", "s", "n", 1000, 1}, scene, {}, &writer);
+  writer.Finish();
+  test::WriteFile(path, bytes);
+  EXPECT_THAT(std::string(Replay(path, {}).status().message()), HasSubstr("not attached"));
+}
+
+TEST(Replay, RefusesWhatIsNoRecording) {
+  const std::string path = TempPath("foreign.mcap");
+  std::string bytes;
+  McapWriter foreign(test::SinkInto(&bytes), "ros2", "other");
+  foreign.AddMessage(foreign.AddChannel(0, "/chatter", "cdr"), 1, "hello");
+  foreign.Finish();
+  test::WriteFile(path, bytes);
+  EXPECT_THAT(std::string(Replay(path, {}).status().message()),
+              HasSubstr("not a recording of adhesim"));
+
+  bytes.clear();
+  McapWriter later(test::SinkInto(&bytes), "", "adhesim 9");
+  later.AddMetadata("adhesim", {{"format", "2"}});
+  later.Finish();
+  test::WriteFile(path, bytes);
+  EXPECT_THAT(std::string(Replay(path, {}).status().message()), HasSubstr("format \"2\""));
+
+  test::WriteFile(path, bytes.substr(0, 20));
+  EXPECT_THAT(std::string(Replay(path, {}).status().message()), HasSubstr("ends at byte"));
+  EXPECT_FALSE(Replay("no/such/file", {}).ok());
+}
+
+// The metadata has the scene as text, for people: it must be the scene that is replayed.
+TEST(Replay, TheSceneInTheMetadataIsTheOneReplayed) {
+  const std::string path = TempPath("text.mcap");
+  const auto model = test::ModelOf(test::kChurningCells);
+  { RecordInto(path, *test::EngineOf(model)); }
+  const auto reader = *McapReader::Open(path);
+  const SceneFile text = ParseScene(reader->metadata().at("adhesim").at("scene"), "text", ".");
+  ASSERT_TRUE(text.ok()) << text.Format(text.problems);
+  // Every number, to the last bit.
+  EXPECT_EQ(text.scene.SerializeAsString(), model->scene.SerializeAsString());
+  EXPECT_EQ(ReadBeginning(*reader, path)->scene.SerializeAsString(),
+            model->scene.SerializeAsString());
+}
+
+TEST(Replay, StopsWhenToldTo) {
+  const std::string path = TempPath("stop.mcap");
+  RunScript(path, 100);
+  const std::atomic<bool> stop{true};
+  const absl::StatusOr<ReplayResult> result = Replay(path, {.stop = &stop});
+  ASSERT_TRUE(result.ok());
+  EXPECT_TRUE(result->interrupted);
+  EXPECT_EQ(result->steps, 0u);
+}
+
+}  // namespace
+}  // namespace adhesim
