@@ -85,13 +85,14 @@ void HttpConnection::Read() {
   parser_.emplace();
   parser_->header_limit(kHeaderBytes);
   Expire();
-  http::async_read(
+  http::async_read_header(
       stream_, buffer_, *parser_,
       [this, self = shared_from_this()](beast::error_code error, std::size_t) { OnRead(error); });
 }
 
 void HttpConnection::OnRead(beast::error_code error) {
-  if (!error) return Route();
+  if (!error && parser_->is_done()) return Route();
+  if (!error) return AnswerText(http::status::bad_request, "requests here have no body");
   if (error == http::error::header_limit) {
     return AnswerText(http::status::request_header_fields_too_large,
                       absl::StrCat("the request's header has more than ", kHeaderBytes, " bytes"));
@@ -100,10 +101,7 @@ void HttpConnection::OnRead(beast::error_code error) {
       error.category() != http::make_error_code(http::error::bad_version).category()) {
     return Abort();  // the client is gone, or took too long
   }
-  const bool has_body = error == http::error::unexpected_body || error == http::error::body_limit;
-  AnswerText(http::status::bad_request,
-             has_body ? "requests here have no body"
-                      : absl::StrCat("this is not HTTP/1: ", error.message()));
+  AnswerText(http::status::bad_request, absl::StrCat("this is not HTTP/1: ", error.message()));
 }
 
 void HttpConnection::Route() {

@@ -12,9 +12,9 @@ namespace adhesim {
 
 // The HTTP port:
 //   /                     the viewer's page (page_files.h)
-//   /v1/ws                WebSocket: connection.proto in binary messages, subprotocol
-//   "adhesim.v1.pb" /v1/recordings/NAME   a recording's file, whole or a Range of it /healthz 200
-//   "ok"; 503 "draining" when the server is going away
+//   /v1/ws                WebSocket, subprotocol "adhesim.v1.pb": connection.proto, binary messages
+//   /v1/recordings/NAME   a recording's file, whole or a Range of it
+//   /healthz              200 "ok"; 503 "draining" when the server is going away
 // Everything else is 404. Requests of other sites' pages are refused (http_rules.h).
 //
 // One thread of its own, in the plain class, does everything, so that no client can keep a session

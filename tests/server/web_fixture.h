@@ -16,10 +16,11 @@ namespace adhesim {
 // A web server without gRPC in this process, with fake physics unless told otherwise.
 class WebTest : public testing::Test {
  protected:
-  explicit WebTest(Limits limits = {}, SceneSource scenes = FakeScenes())
-      : sessions_(std::move(scenes), limits, false),
+  explicit WebTest(Limits limits = {}, SceneSource scenes = FakeScenes(),
+                   RecordingSource recordings = {})
+      : sessions_(std::move(scenes), limits, false, std::move(recordings)),
         context_{sessions_, {}},
-        calls_(&context_, {"test", RealtimeClass::kPlain, false}, nullptr) {
+        calls_(&context_, {"test", RealtimeClass::kPlain, false}) {
     options_.listen = "127.0.0.1:0";
   }
 
@@ -41,7 +42,7 @@ class WebTest : public testing::Test {
     return (*live)->id;
   }
 
-  v1::Session Get(const std::string& id) { return (*sessions_.Find(id))->Describe(); }
+  v1::Session Describe(const std::string& id) { return (*sessions_.Find(id))->Describe(); }
 
   // Waits until a condition holds.
   template <typename Condition>

@@ -100,7 +100,19 @@ TEST_F(WebServerTest, ListensOnLoopbackOnlyUnlessTold) {
 
 class RecordingsTest : public WebTest {
  protected:
-  RecordingsTest() : directory_(testing::TempDir() + "/adhesim_recordings") {
+  // Each test in a directory of its own: ctest runs several at a time.
+  static std::string Directory() {
+    return testing::TempDir() + "/adhesim_" +
+           testing::UnitTest::GetInstance()->current_test_info()->name();
+  }
+  static RecordingSource Files() {
+    RecordingSource source;
+    source.find = [directory = Directory()](const std::string& name) {
+      return absl::StatusOr<std::string>(directory + "/" + name);
+    };
+    return source;
+  }
+  RecordingsTest() : WebTest({}, FakeScenes(), Files()), directory_(Directory()) {
     std::filesystem::remove_all(directory_);
     std::filesystem::create_directories(directory_ + "/folder.mcap");
     for (int i = 0; i < 300'000; ++i) bytes_ += static_cast<char>(i * 7 + i / 256);
@@ -108,7 +120,6 @@ class RecordingsTest : public WebTest {
     std::ofstream(directory_ + "/empty.mcap");
     std::ofstream(directory_ + "/secret.txt") << "secret";
     std::filesystem::create_symlink("secret.txt", directory_ + "/link.mcap");
-    options_.recordings = directory_;
     Serve();
   }
   ~RecordingsTest() override { std::filesystem::remove_all(directory_); }

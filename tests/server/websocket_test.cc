@@ -2,6 +2,7 @@
 
 #include <thread>
 
+#include "server/errors.h"
 #include "tests/support/web_client.h"
 #include "web_fixture.h"
 
@@ -86,7 +87,7 @@ TEST_F(WebSocketTest, AnswersEveryRequestOfASessionsLife) {
   client.Send(Step(3, id, 12));
   const v1::Session stepped = client.ReadAnswer(3).step_session().session();
   EXPECT_EQ(stepped.step(), 12u);
-  EXPECT_EQ(stepped.time_s(), Get(id).time_s());
+  EXPECT_EQ(stepped.time_s(), Describe(id).time_s());
   message = Message(4);
   message.mutable_resume_session()->set_session(id);
   client.Send(message);
@@ -97,7 +98,7 @@ TEST_F(WebSocketTest, AnswersEveryRequestOfASessionsLife) {
   message.mutable_pause_session()->set_session(id);
   client.Send(message);
   const std::uint64_t paused_at = client.ReadAnswer(6).pause_session().session().step();
-  EXPECT_EQ(Get(id).step(), paused_at);
+  EXPECT_EQ(Describe(id).step(), paused_at);
   message = Message(7);
   message.mutable_reset_session()->set_session(id);
   client.Send(message);
