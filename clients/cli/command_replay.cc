@@ -1,8 +1,6 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
-#include <signal.h>
 
-#include <atomic>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -11,6 +9,7 @@
 
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
+#include "clients/cli/stop_signals.h"
 #include "server/recording/paraview_export.h"
 #include "server/recording/replay.h"
 
@@ -24,17 +23,6 @@ struct Arguments {
   std::string pvd;
   bool json = false;
 };
-
-// Written by the signal handler.
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void StopOnSignals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_requested = true; };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 std::string HashText(std::uint64_t hash) { return absl::StrFormat("%016x", hash); }
 
@@ -126,9 +114,8 @@ void PrintDifference(const Arguments& arguments, const ReplayResult& result) {
 }
 
 int RunExport(const Arguments& arguments) {
-  StopOnSignals();
   const absl::StatusOr<ExportResult> result =
-      ExportParaView(arguments.file, arguments.pvd, stop_requested);
+      ExportParaView(arguments.file, arguments.pvd, StopOnSignals());
   if (!result.ok()) {
     std::cerr << "error: " << result.status().message() << "\n";
     return kExitBadInput;
@@ -146,11 +133,10 @@ int RunExport(const Arguments& arguments) {
 }
 
 int RunReplay(const Arguments& arguments) {
-  StopOnSignals();
   ReplayOptions options;
   options.verify = arguments.verify;
   options.threads = arguments.threads;
-  options.stop = &stop_requested;
+  options.stop = &StopOnSignals();
   const absl::StatusOr<ReplayResult> result = Replay(arguments.file, options);
   if (!result.ok()) {
     std::cerr << "error: " << result.status().message() << "\n";

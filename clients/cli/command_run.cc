@@ -1,8 +1,6 @@
 #include <absl/strings/str_cat.h>
-#include <signal.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -15,6 +13,7 @@
 #include "clients/cli/output.h"
 #include "clients/cli/record_run.h"
 #include "clients/cli/run_report.h"
+#include "clients/cli/stop_signals.h"
 #include "clients/cli/validators.h"
 
 namespace adhesim {
@@ -38,17 +37,6 @@ struct Arguments {
   std::vector<std::string> settings;
   bool json = false;
 };
-
-// Written by the signal handler.
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void StopOnSignals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_requested = true; };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 // The number of steps that makes so many seconds, at least as long.
 double StepCount(double seconds, double dt_s) { return std::ceil(seconds / dt_s - 1e-6); }
@@ -95,8 +83,7 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
     recorder = *std::move(begun);
     options.observer = recorder.get();
   }
-  StopOnSignals();
-  const RunStatistics statistics = RunHeadless(engine->get(), options, stop_requested);
+  const RunStatistics statistics = RunHeadless(engine->get(), options, StopOnSignals());
   Json report = RunReportJson(**engine, options, statistics, arguments.threads);
   if (recorder != nullptr) {
     recorder->OnEnd();

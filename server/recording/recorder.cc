@@ -82,13 +82,17 @@ absl::Status Recorder::status() const {
 
 // ---------------------------------------------------------------- the stepping thread
 
-// A slot to fill; null when there is none, even after waiting.
+// A slot to fill, or null. Who may wait waits for it, and gives up at last.
 template <typename T>
 T* Recorder::WaitForRoom(SlotRing<T>* ring, bool may_wait) {
   T* slot = ring->Back();
   if (slot != nullptr || !may_wait) return slot;
   const std::int64_t until_ns = MonotonicNs() + kPatienceNs;
-  while (slot == nullptr && !ended_.load(std::memory_order_relaxed) && MonotonicNs() < until_ns) {
+  while (slot == nullptr && !ended_.load(std::memory_order_relaxed)) {
+    if (MonotonicNs() > until_ns) {
+      GiveUp();
+      return nullptr;
+    }
     waker_.Wake();
     const timespec pause{0, 500'000};
     nanosleep(&pause, nullptr);
@@ -97,14 +101,18 @@ T* Recorder::WaitForRoom(SlotRing<T>* ring, bool may_wait) {
   return slot;
 }
 
+void Recorder::GiveUp() {
+  overflow_.store(true);
+  ended_.store(true);
+  waker_.Wake();
+}
+
 // The next entry to fill; null when the recording has ended, or ends here.
 Recorder::Entry* Recorder::NewEntry(EntryKind kind, bool may_wait) {
   if (ended_.load(std::memory_order_relaxed)) return nullptr;
   Entry* entry = WaitForRoom(&entries_, may_wait);
   if (entry == nullptr) {
-    overflow_.store(true);
-    ended_.store(true);
-    waker_.Wake();
+    GiveUp();
     return nullptr;
   }
   entry->kind = kind;

@@ -87,6 +87,7 @@ class Recorder : public StepObserver {
   Entry* NewEntry(EntryKind kind, bool may_wait);
   void PushEntry();
   bool KeepFrame(const SessionFrame& frame, bool may_wait);
+  void GiveUp();
   template <typename T>
   T* WaitForRoom(SlotRing<T>* ring, bool may_wait);
 

@@ -69,6 +69,7 @@ absl::StatusOr<std::shared_ptr<StepObserver>> RecordingDirectory::Record(
   };
   auto recorder = std::make_shared<Recorder>(*std::move(sink), options, about, *assets, engine);
   const std::lock_guard lock(mutex_);
+  std::erase_if(own_, [](const auto& entry) { return entry.second.recorder.expired(); });
   own_[name] = {session_id, recorder};
   return recorder;
 }
