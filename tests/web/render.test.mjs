@@ -5,7 +5,7 @@ import {readdirSync, readFileSync} from 'node:fs';
 import path from 'node:path';
 import {test} from 'node:test';
 
-import {decodePng, run, SCENE, temporaryDirectory} from './support.mjs';
+import {decodePng, run, SCENE, start, temporaryDirectory, until} from './support.mjs';
 
 function read(directory, name) {
   return decodePng(readFileSync(path.join(directory, name)));
@@ -57,6 +57,36 @@ test('a recording gives the same pictures as the scene that it is of', async () 
   const ofScene = read(path.join(directory, 'scene'), 'needle_organ-t2.000s.png');
   const ofRecording = read(path.join(directory, 'recording'), 'press-t2.000s.png');
   assert.ok(different(ofScene, ofRecording) < 0.002, 'another picture');
+
+  const {code, stderr} = await run('render', recording, '--at', '2.5', '--out', directory);
+  assert.equal(code, 2);
+  assert.match(stderr, /ends at 2\.000 s/);
+});
+
+// Processes whose command line names a directory.
+function processesIn(directory) {
+  return readdirSync('/proc').filter(name => /^[0-9]+$/.test(name)).filter(name => {
+    try {
+      return readFileSync(`/proc/${name}/cmdline`, 'latin1').includes(directory);
+    } catch {
+      return false;  // it has ended meanwhile
+    }
+  });
+}
+
+test('nothing stays behind: not after the end, not after Ctrl-C, and no browser after kill -9', async () => {
+  for (const signal of [undefined, 'SIGINT', 'SIGKILL']) {
+    const [temporary, out] = [temporaryDirectory(), temporaryDirectory()];
+    const rendering = start(['render', SCENE, '--at', '0.01', '--out', out], {env: {TMPDIR: temporary}});
+    if (signal !== undefined) {
+      await until('a browser', () => processesIn(temporary).length, count => count > 0);
+      rendering.kill(signal);
+    }
+    const {code, stderr} = await rendering.ended;
+    assert.equal(code, {undefined: 0, SIGINT: 130, SIGKILL: null}[signal], stderr);
+    if (signal !== 'SIGKILL') assert.deepEqual(readdirSync(temporary), []);
+    await until('no process', () => processesIn(temporary), processes => processes.length === 0);
+  }
 });
 
 test('mistakes are told, with the contract\'s exit codes', async () => {

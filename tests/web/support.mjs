@@ -30,18 +30,22 @@ export function temporaryDirectory() {
   return directories.at(-1);
 }
 
-// Runs the program to its end: {code, stdout, stderr}.
-export function run(...args) {
-  return new Promise((resolve, reject) => {
-    const child = spawn(PROGRAM, args, {cwd: ROOT});
-    children.add(child);
-    let stdout = '', stderr = '';
-    child.stdout.on('data', text => { stdout += text; });
-    child.stderr.on('data', text => { stderr += text; });
+// Starts the program; `ended` becomes {code, signal, stdout, stderr}.
+export function start(args, {env = {}} = {}) {
+  const child = spawn(PROGRAM, args, {cwd: ROOT, env: {...process.env, ...env}});
+  children.add(child);
+  let stdout = '', stderr = '';
+  child.stdout.on('data', text => { stdout += text; });
+  child.stderr.on('data', text => { stderr += text; });
+  const ended = new Promise((resolve, reject) => {
     child.on('error', reject);
-    child.on('close', code => { children.delete(child); resolve({code, stdout, stderr}); });
+    child.on('close', (code, signal) => { children.delete(child); resolve({code, signal, stdout, stderr}); });
   });
+  return {kill: signal => child.kill(signal), ended};
 }
+
+// Runs the program to its end.
+export const run = (...args) => start(args).ended;
 
 // A server of the scene; ports are free ones unless given ("127.0.0.1:8080").
 export async function startServer({scene = SCENE, listen = '127.0.0.1:0', http = '127.0.0.1:0', args = []} = {}) {
