@@ -192,7 +192,7 @@ TEST_F(WebAttackTest, FewLargeMessagesAreUnderWayAtATime) {
   });
 }
 
-TEST_F(WebAttackTest, AHundredConnectionsThatNeverReadAreEnded) {
+TEST_F(WebAttackTest, AHundredConnectionsThatNeverReadChangeNothing) {
   std::vector<std::unique_ptr<WebSocketClient>> lazy;
   SurvivesBeside([&] {
     for (int i = 0; i < 100; ++i) {
@@ -293,7 +293,7 @@ TEST_F(WebAttackTest, ConnectionsMayBreakAtAnyByte) {
   });
 }
 
-TEST_F(WebAttackTest, FloodsOfPosesAcknowledgementsAndPingsChangeNothing) {
+TEST_F(WebAttackTest, FloodsOfAcknowledgementsAndPingsChangeNothing) {
   SurvivesBeside([this] {
     WebSocketClient client(address_);
     client.Send(Watch(1));

@@ -172,6 +172,7 @@ class ImpatientWebTest : public WebTest {
  protected:
   ImpatientWebTest() {
     options_.patience.request_s = 0.2;
+    options_.patience.idle_s = 0.2;
     Serve();
   }
 };
@@ -182,6 +183,18 @@ TEST_F(ImpatientWebTest, EndsConnectionsThatDoNotGetOnWithTheirRequest) {
   // Without an end of its own this would take until the client's patience is over, and fail.
   EXPECT_EQ(silent.ReadAll(), "");
   EXPECT_EQ(slow.ReadAll(), "");
+}
+
+TEST_F(ImpatientWebTest, EndsWebSocketsThatGiveNoSignOfLife) {
+  const std::string id = Create(true);
+  test::WebSocketClient client(address_);
+  v1::ClientMessage message;
+  message.set_stream(1);
+  message.mutable_watch()->mutable_start()->set_session(id);
+  client.Send(message);
+  WaitFor([&] { return Describe(id).viewers() == 1; });
+  client.raw.ReadAll();  // answers no ping; returns when the server has given it up
+  WaitFor([&] { return Describe(id).viewers() == 0; });
 }
 
 }  // namespace

@@ -183,7 +183,6 @@ TEST_F(WebSocketTest, ShowsTopologyThenFramesAsCreditsAllow) {
   const v1::ServerMessage newest = client.ReadUntil(is_frame);
   EXPECT_EQ(newest.watch().step(), 20u);
   EXPECT_EQ(newest.watch().frame().positions().size(), 3u * 3 * 4);
-  EXPECT_GT(newest.watch().frames_dropped(), 0u);
 }
 
 TEST_F(WebSocketTest, KeepsUpWithAFastSessionAndCarriesSeveralStreams) {

@@ -210,7 +210,8 @@ class WebSocketClient {
 
   // The next message; nothing when the connection has ended or is closed.
   std::optional<v1::ServerMessage> Read() {
-    const std::optional<Frame> frame = ReadFrame();
+    std::optional<Frame> frame = ReadFrame();
+    while (frame && frame->opcode == kPong) frame = ReadFrame();
     if (!frame || frame->opcode == kCloseFrame) return std::nullopt;
     EXPECT_EQ(frame->opcode, kBinary);
     EXPECT_TRUE(frame->last);
