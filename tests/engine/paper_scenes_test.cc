@@ -6,6 +6,7 @@
 #include "core/contact/penetration.h"
 #include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
+#include "tests/support/test_size.h"
 
 namespace adhesim::test {
 namespace {
@@ -37,6 +38,7 @@ double RadiusOfGyration(const Engine& engine) {
 
 // Fig. 6: cells stick to an aggregate, more and more of their particles in contact.
 TEST(PaperScenes, CellsAggregate) {
+  if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
   const auto engine = SceneEngine("paper/cell_aggregation.yaml");
   const double before_m = RadiusOfGyration(*engine);
   int colliding = 0;
@@ -53,6 +55,7 @@ TEST(PaperScenes, CellsAggregate) {
 
 // Fig. 2: no interpenetration. 6 s show the whole pile at rest.
 TEST(PaperScenes, SpheresComeToRestOnThePlaneAndEachOther) {
+  if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
   const auto engine = SceneEngine("paper/six_spheres_on_plane.yaml");
   for (int k = 0; k < 12; ++k) {
     EXPECT_EQ(StepMany(engine.get(), 250), 0u);

@@ -210,7 +210,8 @@ TEST_F(WebAttackTest, AClientThatAsksAndNeverReadsIsEnded) {
     const int small = 4096;
     ::setsockopt(lazy.raw.fd(), SOL_SOCKET, SO_RCVBUF, &small, sizeof(small));
     v1::ClientMessage message;
-    message.mutable_list_scenes();
+    // The answer repeats the id.
+    message.mutable_get_session()->set_session(std::string(8192, 'x'));
     for (std::uint32_t i = 1; i < 1'000'000; ++i) {
       message.set_stream(i);
       if (!lazy.Send(message)) return;  // ended: it may not go on for ever

@@ -11,4 +11,11 @@ inline int TestSize(int gate, int full) {
   return size != nullptr && std::string_view(size) == "full" ? full : gate;
 }
 
+// Sanitizers make a step twenty times slower and look for mistakes that a short run makes as well.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
 }  // namespace adhesim
