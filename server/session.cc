@@ -168,7 +168,7 @@ void Session::RunCommands() {
         if (state_ == v1::SESSION_STATE_PAUSED) SetState(v1::SESSION_STATE_RUNNING);
         break;
       case CommandKind::kStep:
-        RunSteps(command.steps);
+        if (!RunSteps(command.steps)) return;  // answered with why the session ends
         break;
       case CommandKind::kReset:
         Reset();
@@ -181,14 +181,17 @@ void Session::RunCommands() {
   }
 }
 
-// As fast as they can be computed, so without the right to keep others waiting.
-void Session::RunSteps(std::uint32_t steps) {
+// As fast as they can be computed, so without the right to keep others waiting. False when the
+// session was stopped before the last of them.
+bool Session::RunSteps(std::uint32_t steps) {
   if (options_.realtime) BecomePlain();
-  for (std::uint32_t i = 0; i < steps && !stop_.load(std::memory_order_relaxed); ++i) {
-    if (state_ == v1::SESSION_STATE_FROZEN) break;
-    StepOnce(true);
+  bool stopped = false;
+  for (std::uint32_t i = 0; i < steps && state_ != v1::SESSION_STATE_FROZEN && !stopped; ++i) {
+    stopped = stop_.load(std::memory_order_relaxed);
+    if (!stopped) StepOnce(true);
   }
   if (options_.realtime) BecomeRealtime(kStepPriority);
+  return !stopped;
 }
 
 void Session::TakePoses() {

@@ -131,7 +131,7 @@ class Session {
   // The stepping thread.
   void StepLoop();
   void RunCommands();
-  void RunSteps(std::uint32_t steps);
+  bool RunSteps(std::uint32_t steps);
   void SetState(v1::SessionState state);
   // `hurried`: as part of RunSteps().
   void StepOnce(bool hurried);

@@ -1,5 +1,7 @@
 #include "server/session_calls.h"
 
+#include <absl/strings/str_cat.h>
+
 #include <thread>
 #include <utility>
 #include <vector>
@@ -10,20 +12,26 @@
 namespace adhesim {
 namespace {
 
-// Two, so that one slow scene does not keep a deletion waiting.
-constexpr int kWorkers = 2;
+// Scenes are built apart from the rest, so that slow ones keep nothing else waiting; two at a time,
+// and no more than so many of one peer under way, so that they leave room for others.
+constexpr int kBuilders = 2;
+constexpr std::uint32_t kBuildsPerPeer = 8;
+constexpr int kWorkers = 1;
 constexpr std::size_t kMaxWaiting = 64;
 
 }  // namespace
 
 SessionCalls::SessionCalls(ServiceContext* context, About about)
-    : context_(context), about_(std::move(about)), workers_(kWorkers, kMaxWaiting) {}
+    : context_(context),
+      about_(std::move(about)),
+      workers_(kWorkers, kMaxWaiting),
+      builders_(kBuilders, kMaxWaiting) {}
 
-void SessionCalls::Later(std::function<absl::Status()> work, Done done) {
+void SessionCalls::Later(Workers* workers, std::function<absl::Status()> work, Done done) {
   // One of the two has it in the end.
   const auto shared_done = std::make_shared<Done>(std::move(done));
   const bool accepted =
-      workers_.Post([shared_done, work = std::move(work)] { (*shared_done)(work()); });
+      workers->Post([shared_done, work = std::move(work)] { (*shared_done)(work()); });
   if (!accepted) {
     (*shared_done)(
         Error(Reason::kTooManyRequests, "64 requests are waiting already; try again later"));
@@ -57,12 +65,22 @@ void SessionCalls::Handle(const Caller&, const v1::ListScenesRequest&,
     }
     return absl::OkStatus();
   };
-  Later(list, std::move(done));
+  Later(&workers_, list, std::move(done));
 }
 
 void SessionCalls::Handle(const Caller& caller, const v1::CreateSessionRequest& request,
                           v1::CreateSessionResponse* response, Done done) {
-  const auto create = [this, caller, &request, response]() -> absl::Status {
+  // Given back with the work.
+  PeerCounter::Share share = builds_.Take(PeerHost(caller.peer), kBuildsPerPeer);
+  if (share == nullptr) {
+    done(Error(Reason::kTooManyRequests,
+               absl::StrCat(kBuildsPerPeer,
+                            " sessions are being created for this peer already, "
+                            "more at a time are not permitted")));
+    return;
+  }
+  const auto create = [this, caller, &request, response,
+                       share = std::move(share)]() -> absl::Status {
     std::vector<std::string> warnings;
     const auto live = context_->sessions.Create(request, caller.peer, &warnings);
     if (!live.ok()) return live.status();
@@ -75,7 +93,7 @@ void SessionCalls::Handle(const Caller& caller, const v1::CreateSessionRequest& 
     for (std::string& warning : warnings) response->add_warnings(std::move(warning));
     return absl::OkStatus();
   };
-  Later(create, std::move(done));
+  Later(&builders_, create, std::move(done));
 }
 
 void SessionCalls::Handle(const Caller&, const v1::GetSessionRequest& request,
@@ -93,7 +111,9 @@ void SessionCalls::Handle(const Caller&, const v1::ListSessionsRequest&,
 
 void SessionCalls::Handle(const Caller&, const v1::DeleteSessionRequest& request,
                           v1::DeleteSessionResponse*, Done done) {
-  Later([this, &request] { return context_->sessions.Delete(request.session()); }, std::move(done));
+  Later(
+      &workers_, [this, &request] { return context_->sessions.Delete(request.session()); },
+      std::move(done));
 }
 
 void SessionCalls::Handle(const Caller&, const v1::PauseSessionRequest& request,
@@ -147,7 +167,7 @@ void SessionCalls::Handle(const Caller&, const v1::ListRecordingsRequest&,
     if (recordings.list) *response = recordings.list();
     return absl::OkStatus();
   };
-  Later(list, std::move(done));
+  Later(&workers_, list, std::move(done));
 }
 
 }  // namespace adhesim

@@ -7,6 +7,7 @@
 
 #include "adhesim/v1/recording_service.pb.h"
 #include "adhesim/v1/session_service.pb.h"
+#include "server/limits.h"
 #include "server/service_context.h"
 #include "server/workers.h"
 
@@ -59,15 +60,17 @@ class SessionCalls {
   const About& about() const { return about_; }
 
  private:
-  // Answers with the status of `work`, done by a worker.
-  void Later(std::function<absl::Status()> work, Done done);
+  // Answers with the status of `work`, done by one of the workers.
+  void Later(Workers* workers, std::function<absl::Status()> work, Done done);
   // Answers when the session has carried out the command.
   void Command(const std::string& session, Session::CommandKind kind, std::uint32_t steps,
                v1::Session* described, Done done);
 
   ServiceContext* const context_;
   const About about_;
+  PeerCounter builds_;  // creations under way
   Workers workers_;
+  Workers builders_;  // of scenes
 };
 
 }  // namespace adhesim

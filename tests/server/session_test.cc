@@ -146,10 +146,11 @@ TEST_F(SessionTest, AnswersWaitingCommandsWhenItEnds) {
   Create(true);
   std::promise<absl::Status> answer;
   // Would take minutes: the end must not wait for it.
+  std::uint64_t answered_ok = 0;
   for (int i = 0; i < 20; ++i) {
     ASSERT_TRUE(session_
                     ->Submit(Session::CommandKind::kStep, Session::kMaxStepsAtOnce,
-                             [](const absl::Status&) {})
+                             [&](const absl::Status& status) { answered_ok += status.ok(); })
                     .ok());
   }
   ASSERT_TRUE(session_
@@ -159,6 +160,8 @@ TEST_F(SessionTest, AnswersWaitingCommandsWhenItEnds) {
   session_->Stop(Error(Reason::kSessionDeleted, "gone"));
   EXPECT_EQ(ReasonOf(answer.get_future().get()), "SESSION_DELETED");
   EXPECT_EQ(ReasonOf(recorder_.end), "SESSION_DELETED");
+  // Steps that were not all taken are not said to be.
+  EXPECT_EQ(answered_ok, session_->snapshot().step / Session::kMaxStepsAtOnce);
   EXPECT_EQ(ReasonOf(Step(1)), "SESSION_DELETED");
 }
 

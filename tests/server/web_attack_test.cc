@@ -8,6 +8,7 @@
 
 #include "tests/support/engine_fixture.h"
 #include "tests/support/sample_scenes.h"
+#include "tests/support/test_size.h"
 #include "tests/support/web_client.h"
 #include "web_fixture.h"
 
@@ -41,9 +42,10 @@ std::uint64_t UndisturbedHash() {
 class WebAttackTest : public WebTest {
  protected:
   explicit WebAttackTest(Limits limits = {}) : WebTest(limits, NeedleScenes(&engine_)) {
-    options_.patience.write_s = 0.5;
-    options_.patience.message_s = 0.5;
-    options_.patience.request_s = 1;
+    // Long enough for 17 MB in one message on a busy machine, under a sanitizer.
+    options_.patience.write_s = kSanitized ? 6 : 1.5;
+    options_.patience.message_s = kSanitized ? 6 : 1.5;
+    options_.patience.request_s = 1.5;
     options_.patience.idle_s = 20;  // not by this shall they be ended
     Serve();
     id_ = Create(true, "needle");
