@@ -39,6 +39,7 @@ struct Arguments {
   std::string size = "1280x720";
   std::string colour_map = "none";
   std::string theme = "light";
+  std::vector<std::string> hide;
   std::string browser;
   std::vector<std::string> settings;
   bool json = false;
@@ -113,7 +114,8 @@ absl::Status WithComplaints(const absl::Status& status, const Browser& browser) 
 
 absl::Status OpenPage(const Arguments& arguments, const std::string& url, Browser* browser) {
   const absl::Status opened = browser->Open(
-      absl::StrCat(url, "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme));
+      absl::StrCat(url, "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme,
+                   "&hide=", absl::StrJoin(arguments.hide, ",")));
   if (!opened.ok()) return opened;
   return browser
       ->Evaluate(R"(new Promise((done, fail) => {
@@ -229,6 +231,9 @@ void AddRenderCommand(CLI::App& app, int* exit_code) {
   command->add_option("--colour-map", arguments->colour_map, "What the tissue's colour shows")
       ->check(CLI::IsMember({"none", "displacement", "contact-force", "strain-energy", "zone"}))
       ->capture_default_str();
+  command->add_option("--hide", arguments->hide, "What is left out")
+      ->type_name("WHAT...")
+      ->check(CLI::IsMember({"contacts", "zones", "forces", "ground"}));
   command->add_option("--theme", arguments->theme, "Background")
       ->check(CLI::IsMember({"light", "dark"}))
       ->capture_default_str();

@@ -41,7 +41,8 @@ export function defaultDisplay(): Display {
   };
 }
 
-export type Toggle = "contacts" | "zones" | "forces" | "wireframe" | "transparent" | "ground";
+const kToggles = ["contacts", "zones", "forces", "wireframe", "transparent", "ground"] as const;
+export type Toggle = (typeof kToggles)[number];
 
 export class DisplayPanel {
   private readonly gui: GUI;
@@ -79,6 +80,12 @@ export class DisplayPanel {
   flip(toggle: Toggle): void {
     this.display[toggle] = !this.display[toggle];
     this.changed();
+  }
+
+  /** Switches a toggle off; other names mean nothing. */
+  hide(name: string): void {
+    const toggle = kToggles.find((known) => known === name);
+    if (toggle && this.display[toggle]) this.flip(toggle);
   }
 
   nextColourMap(): void {

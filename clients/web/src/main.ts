@@ -220,6 +220,7 @@ function animate(nowMs: number): void {
   }
 }
 
+for (const name of parameters.hide) shell.panel.hide(name);
 if (parameters.colour) shell.panel.setColourMap(parameters.colour);
 if (parameters.recording) {
   const name = decodeURIComponent(parameters.recording.split("/").at(-1) ?? parameters.recording);

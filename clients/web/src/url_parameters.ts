@@ -15,6 +15,8 @@ export interface UrlParameters {
   colour?: string;
   /** Theme to start with: "light" or "dark". */
   theme?: string;
+  /** What not to show at first: names of Display's toggles. */
+  hide: string[];
 }
 
 export function parseUrlParameters(search: string): UrlParameters {
@@ -29,5 +31,6 @@ export function parseUrlParameters(search: string): UrlParameters {
     picture: query.get("picture") === "1",
     colour: text("colour"),
     theme: text("theme"),
+    hide: (text("hide") ?? "").split(",").filter((name) => name !== ""),
   };
 }
