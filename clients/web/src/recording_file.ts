@@ -168,36 +168,42 @@ async function indexedStore(source: ByteSource): Promise<Store> {
 // Reads records until the file ends or a record is damaged, and keeps the messages.
 async function readThrough(source: ByteSource): Promise<[Store, string]> {
   const size = await source.size();
-  const reader = new McapStreamReader();
+  const reader = new McapStreamReader({ noMagicPrefix: true });
   const channels = new Map<number, { topic: string; schemaId: number }>();
   const schemas = new Map<number, string>();
   const kept: RecordedMessage[] = [];
   let bytes = 0;
-  let damage = "";
-  for (let offset = 0n; offset < size && !damage; offset += BigInt(kPieceBytes)) {
-    const length = size - offset < kPieceBytes ? size - offset : BigInt(kPieceBytes);
-    const piece = await source.read(offset, length);
-    try {
-      reader.append(piece);
-      for (let record; (record = reader.nextRecord());) {
-        if (record.type === "Schema") schemas.set(record.id, record.name);
-        else if (record.type === "Channel") channels.set(record.id, record);
-        else if (record.type === "Message") {
-          // The reader uses its buffer again.
-          const data = record.data.slice();
-          bytes += data.length;
-          kept.push({
-            topic: channels.get(record.channelId)?.topic ?? "",
-            timeNs: record.logTime,
-            data,
-          });
-        }
+  const take = (records: Uint8Array) => {
+    reader.append(records);
+    for (let record; (record = reader.nextRecord());) {
+      if (record.type === "Schema") schemas.set(record.id, record.name);
+      else if (record.type === "Channel") channels.set(record.id, record);
+      else if (record.type === "Message") {
+        // The reader uses its buffer again.
+        const data = record.data.slice();
+        bytes += data.length;
+        kept.push({
+          topic: channels.get(record.channelId)?.topic ?? "",
+          timeNs: record.logTime,
+          data,
+        });
       }
-    } catch (error) {
-      damage = `This recording is damaged: ${inWords(error)}.`;
     }
-    if (bytes > kUnindexedBytes)
-      damage = "This recording was not finished and is too large to be read without its index.";
+  };
+  const split = new RecordSplitter();
+  let damage = "";
+  try {
+    for (let offset = BigInt(kMagic.length); offset < size; offset += BigInt(kPieceBytes)) {
+      const length = size - offset < kPieceBytes ? size - offset : BigInt(kPieceBytes);
+      take(split.add(await source.read(offset, length)));
+      if (bytes > kUnindexedBytes) {
+        damage = "This recording was not finished and is too large to be read without its index.";
+      }
+      if (damage || split.held > kUnindexedBytes) break;
+    }
+    if (!damage) take(recordsOfPartialChunk(split.rest()));
+  } catch (error) {
+    damage = `This recording is damaged: ${inWords(error)}.`;
   }
   expectFrames(
     [...channels.values()].map(({ topic, schemaId }) => ({ topic, schema: schemas.get(schemaId) })),
@@ -206,6 +212,71 @@ async function readThrough(source: ByteSource): Promise<[Store, string]> {
   const until = (Number(store.endNs) / 1e9).toFixed(2);
   const what = damage || "This recording was not finished.";
   return [store, `${what} Shown up to its last whole record, at ${until} s.`];
+}
+
+// A record: opcode (1 byte), length of its content (8 bytes), content.
+const kPrefixBytes = 9;
+const kChunkOpcode = 0x06;
+// Of a chunk's content, what stands before its records when they are not compressed: first and
+// last time, size, checksum, the length of an empty name, length of the records.
+const kChunkHeadBytes = 8 + 8 + 8 + 4 + 4 + 8;
+const kCompressionOffset = 8 + 8 + 8 + 4;
+
+/** The length of the record that begins at a place, with its prefix; Infinity without a prefix. */
+function recordBytes(bytes: Uint8Array, at: number): number {
+  if (bytes.length - at < kPrefixBytes) return Infinity;
+  const view = new DataView(bytes.buffer, bytes.byteOffset + at, kPrefixBytes);
+  return kPrefixBytes + Number(view.getBigUint64(1, true));
+}
+
+/** Where the last whole record ends, of records that begin at a place. */
+function endOfWhole(bytes: Uint8Array, begin: number): number {
+  let at = begin;
+  for (let next; (next = at + recordBytes(bytes, at)) <= bytes.length;) at = next;
+  return at;
+}
+
+/** Takes a file in pieces and gives it in whole records; knows what is left at the end. */
+class RecordSplitter {
+  /** Bytes that wait for the rest of their record. */
+  held = 0;
+  private pieces: Uint8Array[] = [];
+  private needed = kPrefixBytes;
+
+  add(piece: Uint8Array): Uint8Array {
+    this.pieces.push(piece);
+    this.held += piece.length;
+    // Joined once a record, not once a piece: a record may be as long as the file.
+    if (this.held < this.needed) return new Uint8Array();
+    const bytes = this.rest();
+    const whole = endOfWhole(bytes, 0);
+    const left = bytes.subarray(whole);
+    this.pieces = [left];
+    this.held = left.length;
+    const next = recordBytes(left, 0);
+    this.needed = next === Infinity ? kPrefixBytes : next;
+    return bytes.subarray(0, whole);
+  }
+
+  rest(): Uint8Array {
+    const bytes = new Uint8Array(this.held);
+    let at = 0;
+    for (const piece of this.pieces) {
+      bytes.set(piece, at);
+      at += piece.length;
+    }
+    return bytes;
+  }
+}
+
+/** The whole records of a chunk that was cut short; none of anything else. */
+function recordsOfPartialChunk(bytes: Uint8Array): Uint8Array {
+  const begin = kPrefixBytes + kChunkHeadBytes;
+  if (bytes[0] !== kChunkOpcode || bytes.length < begin) return new Uint8Array();
+  const view = new DataView(bytes.buffer, bytes.byteOffset);
+  const compressed = view.getUint32(kPrefixBytes + kCompressionOffset, true) !== 0;
+  if (compressed) return new Uint8Array();
+  return bytes.subarray(begin, endOfWhole(bytes, begin));
 }
 
 /** What the reader says, without the name of the program that wrote the file. */

@@ -29,17 +29,19 @@ interface Contents {
   frames: number;
   topology: boolean;
   schema: string;
+  chunkSize: number;
 }
 
 async function record(contents: Partial<Contents> = {}): Promise<Uint8Array<ArrayBuffer>> {
-  const { frames, topology, schema } = {
+  const { frames, topology, schema, chunkSize } = {
     frames: kFrames,
     topology: true,
     schema: "adhesim.v1.WatchResponse",
+    chunkSize: 4096,
     ...contents,
   };
   const memory = new Memory();
-  const writer = new McapWriter({ writable: memory, chunkSize: 4096 });
+  const writer = new McapWriter({ writable: memory, chunkSize });
   await writer.start({ profile: "", library: "test" });
   const schemaId = await writer.registerSchema({
     name: schema,
@@ -113,6 +115,58 @@ test("RecordingFile opens a file cut anywhere up to its last whole record", asyn
     assert.ok(last >= before && last < kFrames);
     before = last;
   }
+});
+
+/** Where each frame's message ends in a file, found without the reader: by its own bytes. */
+function endsOfFrames(bytes: Uint8Array): number[] {
+  const ends: number[] = [];
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
+  const length = (at: number) => Number(view.getBigUint64(at + 1, true));
+  for (let at = 8; at + 9 <= bytes.length - 8; at += 9 + length(at)) {
+    if (bytes[at] !== 0x06) continue;
+    // Of an uncompressed chunk, 40 bytes stand before the records.
+    const end = at + 9 + length(at);
+    for (let inner = at + 9 + 40; inner < end; inner += 9 + length(inner)) {
+      // A message of the second channel.
+      if (bytes[inner] === 0x05 && view.getUint16(inner + 9, true) === 1) {
+        ends.push(inner + 9 + length(inner));
+      }
+    }
+  }
+  return ends;
+}
+
+test("RecordingFile shows every whole frame of a file cut in the middle of a chunk", async () => {
+  const bytes = await record();
+  const ends = endsOfFrames(bytes);
+  assert.equal(ends.length, kFrames);
+  const end = ends.at(-1)!;
+  const cuts = new Set([end - 1, end, end + 1]);
+  for (let i = 0; i < kFrames; i += 7)
+    cuts
+      .add(ends[i])
+      .add(ends[i] - 1)
+      .add(ends[i] + 1);
+  for (let cut = ends[0]; cut <= end; cut += 61) cuts.add(cut);
+  for (const cut of cuts) {
+    if (cut < ends[0]) continue;
+    const whole = ends.filter((place) => place <= cut).length;
+    const file = await open(bytes.slice(0, cut));
+    const frames = [...((await file.messages(["/frames"])) as Iterable<unknown>)];
+    assert.equal(frames.length, whole, `cut at ${cut}`);
+    assert.equal(file.endNs, BigInt(whole - 1) * kPeriodNs);
+    const until = (Number(file.endNs) / 1e9).toFixed(2);
+    assert.match(file.notice!, new RegExp(`not finished.* at ${until} s`));
+  }
+});
+
+test("RecordingFile reads records that are longer than the pieces it reads", async () => {
+  // One chunk of several pieces, cut short.
+  const bytes = await record({ frames: 30000, chunkSize: 1 << 30 });
+  const ends = endsOfFrames(bytes);
+  assert.ok(ends[25000] > 1 << 20);
+  const file = await open(bytes.slice(0, ends[25000] + 3));
+  assert.equal(file.endNs, 25000n * kPeriodNs);
 });
 
 test("RecordingFile says that a file is no recording", async () => {
