@@ -8,8 +8,8 @@
 
 namespace adhesim {
 
-// Appends to a file that it makes (or empties, unless it must be new). InvalidArgument: the file
-// cannot be opened.
+// Appends to a file that it makes, or empties when a recording is there already and it need not be
+// new. InvalidArgument: the file cannot be opened, is not a regular one, or holds something else.
 absl::StatusOr<ByteSink> OpenFileSink(const std::string& path, bool must_be_new);
 
 }  // namespace adhesim

@@ -2,6 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
+#include <cmath>
 #include <deque>
 #include <memory>
 #include <utility>
@@ -31,6 +33,10 @@ class Player {
   // Steps as often as there are hashes. False: the replay is over.
   bool TakeHashes(const McapMessage& message);
   void TakeEvent(const McapMessage& message);
+  // A message of a step: when the file is whole, that step has a hash.
+  void NoteStep(const McapMessage& message);
+  // At the end of a whole file: steps without a hash are a difference, not a shorter recording.
+  void CheckAllWereHashed();
   std::uint64_t Hash() const { return RecordedHash(*engine_); }
 
  private:
@@ -43,6 +49,7 @@ class Player {
   const ReplayOptions& options_;
   std::vector<ToolInput> inputs_;       // [#tools]
   std::deque<v1::StepInputs> pending_;  // of steps to come
+  std::uint64_t last_made_ = 0;         // the latest step that anything in the file is of
   ReplayResult& result_;
 };
 
@@ -57,7 +64,19 @@ void Player::TakeInputs(const McapMessage& message) {
   if (!inputs.ParseFromArray(message.data.data(), static_cast<int>(message.data.size()))) {
     return Damaged(message, "inputs that cannot be decoded");
   }
+  last_made_ = std::max(last_made_, inputs.index());
   pending_.push_back(std::move(inputs));
+}
+
+void Player::NoteStep(const McapMessage& message) {
+  // Log times are whole ns, steps at least microseconds: rounding finds the step again.
+  const double index = 1e-9 * static_cast<double>(message.log_time) / engine_->model().dt_s;
+  last_made_ = std::max(last_made_, static_cast<std::uint64_t>(std::llround(index)));
+}
+
+void Player::CheckAllWereHashed() {
+  if (!options_.verify || result_.difference || result_.interrupted) return;
+  if (last_made_ > result_.steps) Step(std::nullopt);
 }
 
 void Player::TakeEvent(const McapMessage& message) {
@@ -141,7 +160,10 @@ absl::Status Play(McapReader* reader, Player* player, ReplayResult* result) {
   while (true) {
     const absl::StatusOr<bool> more = reader->Next(&message);
     if (!more.ok()) return more.status();
-    if (!*more) return absl::OkStatus();
+    if (!*more) {
+      if (!reader->truncated_at()) player->CheckAllWereHashed();
+      return absl::OkStatus();
+    }
     const auto channel = reader->channels().find(message.channel);
     if (channel == reader->channels().end()) continue;
     const std::string& topic = channel->second.topic;
@@ -151,6 +173,7 @@ absl::Status Play(McapReader* reader, Player* player, ReplayResult* result) {
       if (result->interrupted) return absl::OkStatus();
       continue;  // to the end, for what else is wrong with the file
     }
+    if (topic == kFramesTopic || topic == kForcesTopic) player->NoteStep(message);
     if (topic == kInputsTopic) player->TakeInputs(message);
     if (topic == kHashesTopic) playing = player->TakeHashes(message);
   }

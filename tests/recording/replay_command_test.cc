@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 
 #include <cstdlib>
@@ -120,11 +121,40 @@ TEST(ReplayCommand, EndsWithTwoOnBadInput) {
 }
 
 TEST(ReplayCommand, ARunOutlivesAFullDisk) {
-  const Outcome run =
-      Adhesim(std::string("run ") + kScene + " --steps 50 --json --record /dev/full");
-  EXPECT_EQ(run.exit_code, 1);
-  EXPECT_THAT(run.err, HasSubstr("No space left on device"));
-  EXPECT_EQ(Json::parse(run.out)["steps"], 50);
+  // A limit of the file's size stands for the disk's: 100 kB hold the beginning, not all of it.
+  const std::string out = TempPath("full_out"), err = TempPath("full_err");
+  const std::string command = std::string("trap '' XFSZ; ulimit -f 200; ") + ADHESIM_PROGRAM +
+                              " run " + kScene + " --steps 300 --json --record " +
+                              TempPath("full.mcap") + " >" + out + " 2>" + err;
+  const int status = std::system(command.c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_THAT(test::ReadWholeFile(err), HasSubstr("File too large"));
+  EXPECT_EQ(Json::parse(test::ReadWholeFile(out))["steps"], 300);
+}
+
+TEST(ReplayCommand, ARecordingReplacesNothingButARecording) {
+  const std::string run = std::string("run ") + kScene + " --steps 5 --json --record ";
+  const std::string scene = TempPath("mine.yaml");
+  test::WriteFile(scene, "name: mine\n");
+  const Outcome refused = Adhesim(run + scene);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("exists and is not a recording; permitted: a new file"));
+  EXPECT_EQ(test::ReadWholeFile(scene), "name: mine\n");
+
+  // Nobody reads the pipe: a run that opened it like a file would wait for ever.
+  const std::string pipe = TempPath("pipe");
+  unlink(pipe.c_str());
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  for (const std::string& special : {pipe, std::string("/dev/null"), ::testing::TempDir()}) {
+    EXPECT_EQ(Adhesim(run + special).exit_code, 2) << special;
+  }
+
+  const std::string path = TempPath("again.mcap");
+  test::WriteFile(path, "");
+  EXPECT_EQ(Adhesim(run + path).exit_code, 0);
+  Record(path);  // over the one before, whatever its length
+  EXPECT_EQ(Adhesim(run + path).exit_code, 0);
+  EXPECT_EQ(Json::parse(Adhesim("replay --verify --json " + path).out)["verified_steps"], 5);
 }
 
 }  // namespace

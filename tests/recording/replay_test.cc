@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <future>
@@ -215,25 +216,63 @@ TEST(Replay, NamesTheStepOfAChangedInput) {
   EXPECT_FALSE(Verify(path).damage.empty());
 }
 
-TEST(Replay, NamesTheFirstStepWithoutAHash) {
-  const std::string path = TempPath("no_hash.mcap");
-  RunScript(path, 100);
-  std::uint64_t offset = 0;
+// Moves `count` messages of hashes, from the `first` on, to a channel that does not exist; how many
+// messages of hashes there were.
+int HideHashes(const std::string& path, std::size_t first, std::size_t count) {
+  std::vector<std::uint64_t> offsets;
   {
     auto reader = *McapReader::Open(path);
     McapMessage message;
-    while (offset == 0 && *reader->Next(&message)) {
-      if (reader->channels().at(message.channel).topic == kHashesTopic) offset = message.offset;
+    while (*reader->Next(&message)) {
+      const auto channel = reader->channels().find(message.channel);
+      if (channel != reader->channels().end() && channel->second.topic == kHashesTopic) {
+        offsets.push_back(message.offset);
+      }
     }
   }
   std::string file = test::ReadWholeFile(path);
-  file[offset + mcap::kRecordPrefix] = 77;  // now of a channel that does not exist
+  for (std::size_t i = first; i < std::min(offsets.size(), first + count); ++i) {
+    file[offsets[i] + mcap::kRecordPrefix] = 77;
+  }
   test::RepairChecksums(&file);
   test::WriteFile(path, file);
-  const ReplayResult result = Verify(path);
+  return static_cast<int>(offsets.size());
+}
+
+TEST(Replay, NamesTheFirstStepWithoutAHash) {
+  const std::string path = TempPath("no_hash.mcap");
+  RunScript(path, 100);
+  const int messages = HideHashes(path, 0, 1);
+  ReplayResult result = Verify(path);
   ASSERT_TRUE(result.difference);
   EXPECT_EQ(result.difference->index, 1u);
   EXPECT_FALSE(result.difference->expected);
+
+  // All of them: nothing is verified, which is not the same as verified.
+  HideHashes(path, 0, messages);
+  result = Verify(path);
+  EXPECT_TRUE(result.damage.empty());
+  ASSERT_TRUE(result.difference);
+  EXPECT_EQ(result.difference->index, 1u);
+  EXPECT_FALSE(result.difference->expected);
+  EXPECT_EQ(result.verified, 0u);
+}
+
+TEST(Replay, NamesTheFirstStepBehindTheLastHash) {
+  const std::string path = TempPath("last_hash.mcap");
+  RunScript(path, 100);
+  const std::uint64_t steps = Verify(path).verified;
+  const int messages = HideHashes(path, 0, 0);
+  HideHashes(path, messages - 1, 1);
+  const ReplayResult result = Verify(path);
+  ASSERT_TRUE(result.difference);
+  EXPECT_FALSE(result.difference->expected);
+  EXPECT_EQ(result.difference->index, result.verified + 1);
+  EXPECT_LT(result.verified, steps);
+  // Without its end, the same file may have lost them.
+  const std::string file = test::ReadWholeFile(path);
+  test::WriteFile(path, file.substr(0, file.size() - 1));
+  EXPECT_FALSE(Verify(path).difference);
 }
 
 TEST(Replay, ReadsARecordingWhoseWriterWasKilled) {
