@@ -43,6 +43,7 @@ export class Live implements Mode {
       onState: (state) => this.connectionChanged(state),
       onMessage: (message) => {
         if (message.stream === 0 && message.response.case === "ended") {
+          if (!this.active) return;
           shell.banner.set("session", message.response.value.message, "error");
         } else {
           this.streams.receive(message);
@@ -63,7 +64,14 @@ export class Live implements Mode {
       onTopology: (topology) => this.topologyArrived(topology),
       onSample: (sample) => this.sampleArrived(sample),
       onHeartbeat: (heartbeat) => this.heartbeatArrived(heartbeat),
-      onProblem: (problem) => shell.banner.set("session", problem, "error"),
+      onProblem: (problem, mayCreate = false) => {
+        const offer = { label: "New session (Space)", run: () => void this.session.createNew() };
+        shell.banner.set("session", problem, "error", 0, mayCreate ? offer : undefined);
+      },
+      onLost: () => {
+        this.operatedTools = [];
+        this.viewers = 0;
+      },
     });
   }
 
@@ -79,7 +87,10 @@ export class Live implements Mode {
       this.returnToNow();
       this.pending = undefined;
       this.session.leave();
+      this.shell.banner.set("session", undefined);
+      this.shell.banner.set("control", undefined);
     }
+    this.writeConnection();
   }
 
   get running(): boolean {
@@ -93,7 +104,7 @@ export class Live implements Mode {
 
   /** Whether this page may stop and start time. */
   get mayControl(): boolean {
-    return this.connectionState === "connected" && this.role !== "spectator";
+    return this.session.watching && this.role !== "spectator";
   }
 
   tick(): void {
@@ -127,7 +138,11 @@ export class Live implements Mode {
   play(): void {
     if (this.past !== undefined) {
       this.returnToNow();
-      if (this.running) return;
+      if (this.running || !this.session.watching) return;
+    }
+    if (this.session.waiting) {
+      void this.session.createNew();
+      return;
     }
     this.attempt(() => (this.running ? this.session.pause() : this.session.resume()));
   }
@@ -159,7 +174,7 @@ export class Live implements Mode {
   toggleGrab(tool = this.shell.selectedTool): void {
     if (this.control.held) {
       this.release();
-    } else if (this.session.id !== undefined) {
+    } else if (this.session.watching && this.session.id !== undefined) {
       this.returnToNow();
       this.control.take(this.session.id, tool);
     }
@@ -201,19 +216,22 @@ export class Live implements Mode {
     document.body.dataset.connection = state;
     if (state === "connected") {
       this.everConnected = true;
-      this.shell.banner.set("connection", undefined);
+      this.writeConnection();
       if (this.active) void this.session.start();
       this.onConnected();
     } else if (state === "reconnecting") {
       this.session.stop();
       this.streams.loseAll();
-      this.operatedTools = [];
-      this.viewers = 0;
-      const text = this.everConnected
-        ? `The connection to ${location.host} is lost. Trying again every second.`
-        : `No answer from ${location.host}. Trying again every second.`;
-      if (this.active) this.shell.banner.set("connection", text, "error");
+      this.writeConnection();
     }
+  }
+
+  private writeConnection(): void {
+    const lost = this.active && this.connectionState === "reconnecting";
+    const text = this.everConnected
+      ? `The connection to ${location.host} is lost. Trying again every second.`
+      : `No answer from ${location.host}. Trying again every second.`;
+    this.shell.banner.set("connection", lost ? text : undefined, "error");
   }
 
   private topologyArrived(topology: Topology): void {
@@ -282,6 +300,7 @@ export class Live implements Mode {
 
   private refusal(): string {
     if (this.connectionState !== "connected") return "There is no connection to the server.";
+    if (!this.session.watching) return "There is no session.";
     return `Someone else holds ${this.operatedTools.join(", ")}: time is theirs.`;
   }
 }
