@@ -7,6 +7,7 @@ import { SessionState, type Heartbeat } from "./gen/adhesim/v1/status_pb";
 import { History, type Sample } from "./history";
 import { recordError } from "./hooks";
 import type { Mode } from "./mode";
+import { Roster } from "./roster";
 import { SessionClient } from "./session";
 import type { Shell } from "./shell";
 import { ServiceError, Streams } from "./streams";
@@ -17,7 +18,6 @@ export class Live implements Mode {
   readonly session: SessionClient;
   readonly streams: Streams;
   viewers = 0;
-  operatedTools: string[] = [];
   connectionState: ConnectionState = "closed";
   /** Called when the connection is up and the lists of the server can be read. */
   onConnected: () => void = () => {};
@@ -25,6 +25,7 @@ export class Live implements Mode {
   private readonly connection: Connection;
   private readonly control: ToolControl;
   private readonly history = new History();
+  private readonly roster = new Roster();
   private pending?: Sample;
   /** Number of the sample that is shown from the history. */
   private past?: number;
@@ -54,12 +55,8 @@ export class Live implements Mode {
     this.streams = new Streams((message) => this.connection.send(message));
     this.control = new ToolControl(shell, driving, this.streams);
     // Heartbeats say it as well, a quarter of a second later.
-    this.control.onTaken = (tool) => {
-      if (!this.operatedTools.includes(tool)) this.operatedTools.push(tool);
-    };
-    this.control.onReleased = (tool) => {
-      this.operatedTools = this.operatedTools.filter((name) => name !== tool);
-    };
+    this.control.onTaken = (tool) => this.roster.take(tool);
+    this.control.onReleased = (tool) => this.roster.release(tool, performance.now());
     this.session = new SessionClient(this.streams, wanted, {
       onTopology: (topology) => this.topologyArrived(topology),
       onSample: (sample) => this.sampleArrived(sample),
@@ -69,7 +66,7 @@ export class Live implements Mode {
         shell.banner.set("session", problem, "error", 0, mayCreate ? offer : undefined);
       },
       onLost: () => {
-        this.operatedTools = [];
+        this.roster.clear();
         this.viewers = 0;
       },
     });
@@ -95,6 +92,11 @@ export class Live implements Mode {
 
   get running(): boolean {
     return this.session.state === SessionState.RUNNING;
+  }
+
+  /** Names of the tools that an operator holds. */
+  get operatedTools(): readonly string[] {
+    return this.roster.tools;
   }
 
   get role(): "controller" | "spectator" | "viewer" {
@@ -268,7 +270,7 @@ export class Live implements Mode {
 
   private heartbeatArrived(heartbeat: Heartbeat): void {
     this.viewers = heartbeat.viewers;
-    this.operatedTools = heartbeat.operatedTools;
+    this.roster.hear(heartbeat.operatedTools, performance.now());
     if (heartbeat.state === SessionState.FROZEN) {
       this.shell.banner.set(
         "session",
