@@ -196,7 +196,8 @@ export class SessionClient {
       if (found) return found;
       try {
         const source = { case: "sceneName" as const, value: name };
-        return (await this.streams.call("createSession", { source })).session;
+        const { session } = await this.streams.call("createSession", { source });
+        return session && join ? await this.withoutDouble(session) : session;
       } catch (error) {
         if (!(error instanceof ServiceError) || !kNoScene.includes(error.reason)) throw error;
         problem = error;
@@ -214,6 +215,14 @@ export class SessionClient {
       if (session) return session;
     }
     throw problem;
+  }
+
+  // While the session was built another page may have made one, too: the first one counts.
+  private async withoutDouble(made: Session): Promise<Session> {
+    const first = (await this.list()).find(({ scene }) => scene === made.scene);
+    if (!first || first.session === made.session) return made;
+    await this.streams.call("deleteSession", { session: made.session });
+    return first;
   }
 
   private remember(session: Session): string {
