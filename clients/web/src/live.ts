@@ -7,6 +7,7 @@ import { SessionState, type Heartbeat } from "./gen/adhesim/v1/status_pb";
 import { History, type Sample } from "./history";
 import { recordError } from "./hooks";
 import type { Mode } from "./mode";
+import { Roster } from "./roster";
 import { SessionClient } from "./session";
 import type { Shell } from "./shell";
 import { ServiceError, Streams } from "./streams";
@@ -17,7 +18,6 @@ export class Live implements Mode {
   readonly session: SessionClient;
   readonly streams: Streams;
   viewers = 0;
-  operatedTools: string[] = [];
   connectionState: ConnectionState = "closed";
   /** Called when the connection is up and the lists of the server can be read. */
   onConnected: () => void = () => {};
@@ -25,6 +25,7 @@ export class Live implements Mode {
   private readonly connection: Connection;
   private readonly control: ToolControl;
   private readonly history = new History();
+  private readonly roster = new Roster();
   private pending?: Sample;
   /** Number of the sample that is shown from the history. */
   private past?: number;
@@ -43,6 +44,7 @@ export class Live implements Mode {
       onState: (state) => this.connectionChanged(state),
       onMessage: (message) => {
         if (message.stream === 0 && message.response.case === "ended") {
+          if (!this.active) return;
           shell.banner.set("session", message.response.value.message, "error");
         } else {
           this.streams.receive(message);
@@ -53,17 +55,20 @@ export class Live implements Mode {
     this.streams = new Streams((message) => this.connection.send(message));
     this.control = new ToolControl(shell, driving, this.streams);
     // Heartbeats say it as well, a quarter of a second later.
-    this.control.onTaken = (tool) => {
-      if (!this.operatedTools.includes(tool)) this.operatedTools.push(tool);
-    };
-    this.control.onReleased = (tool) => {
-      this.operatedTools = this.operatedTools.filter((name) => name !== tool);
-    };
+    this.control.onTaken = (tool) => this.roster.take(tool);
+    this.control.onReleased = (tool) => this.roster.release(tool, performance.now());
     this.session = new SessionClient(this.streams, wanted, {
       onTopology: (topology) => this.topologyArrived(topology),
       onSample: (sample) => this.sampleArrived(sample),
       onHeartbeat: (heartbeat) => this.heartbeatArrived(heartbeat),
-      onProblem: (problem) => shell.banner.set("session", problem, "error"),
+      onProblem: (problem, mayCreate = false) => {
+        const offer = { label: "New session (Space)", run: () => void this.session.createNew() };
+        shell.banner.set("session", problem, "error", 0, mayCreate ? offer : undefined);
+      },
+      onLost: () => {
+        this.roster.clear();
+        this.viewers = 0;
+      },
     });
   }
 
@@ -79,11 +84,19 @@ export class Live implements Mode {
       this.returnToNow();
       this.pending = undefined;
       this.session.leave();
+      this.shell.banner.set("session", undefined);
+      this.shell.banner.set("control", undefined);
     }
+    this.writeConnection();
   }
 
   get running(): boolean {
     return this.session.state === SessionState.RUNNING;
+  }
+
+  /** Names of the tools that an operator holds. */
+  get operatedTools(): readonly string[] {
+    return this.roster.tools;
   }
 
   get role(): "controller" | "spectator" | "viewer" {
@@ -93,7 +106,7 @@ export class Live implements Mode {
 
   /** Whether this page may stop and start time. */
   get mayControl(): boolean {
-    return this.connectionState === "connected" && this.role !== "spectator";
+    return this.session.watching && this.role !== "spectator";
   }
 
   tick(): void {
@@ -127,7 +140,11 @@ export class Live implements Mode {
   play(): void {
     if (this.past !== undefined) {
       this.returnToNow();
-      if (this.running) return;
+      if (this.running || !this.session.watching) return;
+    }
+    if (this.session.waiting) {
+      void this.session.createNew();
+      return;
     }
     this.attempt(() => (this.running ? this.session.pause() : this.session.resume()));
   }
@@ -159,7 +176,7 @@ export class Live implements Mode {
   toggleGrab(tool = this.shell.selectedTool): void {
     if (this.control.held) {
       this.release();
-    } else if (this.session.id !== undefined) {
+    } else if (this.session.watching && this.session.id !== undefined) {
       this.returnToNow();
       this.control.take(this.session.id, tool);
     }
@@ -201,19 +218,22 @@ export class Live implements Mode {
     document.body.dataset.connection = state;
     if (state === "connected") {
       this.everConnected = true;
-      this.shell.banner.set("connection", undefined);
+      this.writeConnection();
       if (this.active) void this.session.start();
       this.onConnected();
     } else if (state === "reconnecting") {
       this.session.stop();
       this.streams.loseAll();
-      this.operatedTools = [];
-      this.viewers = 0;
-      const text = this.everConnected
-        ? `The connection to ${location.host} is lost. Trying again every second.`
-        : `No answer from ${location.host}. Trying again every second.`;
-      if (this.active) this.shell.banner.set("connection", text, "error");
+      this.writeConnection();
     }
+  }
+
+  private writeConnection(): void {
+    const lost = this.active && this.connectionState === "reconnecting";
+    const text = this.everConnected
+      ? `The connection to ${location.host} is lost. Trying again every second.`
+      : `No answer from ${location.host}. Trying again every second.`;
+    this.shell.banner.set("connection", lost ? text : undefined, "error");
   }
 
   private topologyArrived(topology: Topology): void {
@@ -250,7 +270,7 @@ export class Live implements Mode {
 
   private heartbeatArrived(heartbeat: Heartbeat): void {
     this.viewers = heartbeat.viewers;
-    this.operatedTools = heartbeat.operatedTools;
+    this.roster.hear(heartbeat.operatedTools, performance.now());
     if (heartbeat.state === SessionState.FROZEN) {
       this.shell.banner.set(
         "session",
@@ -282,6 +302,7 @@ export class Live implements Mode {
 
   private refusal(): string {
     if (this.connectionState !== "connected") return "There is no connection to the server.";
+    if (!this.session.watching) return "There is no session.";
     return `Someone else holds ${this.operatedTools.join(", ")}: time is theirs.`;
   }
 }

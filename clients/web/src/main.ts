@@ -179,21 +179,30 @@ function writeReadouts(): void {
   shell.write();
   document.body.dataset.role = live.role;
   document.body.classList.toggle("driving", driving.driving);
+  // What is seen is left from a session that is gone: no numbers of now.
+  const stale = state.mode === "live" && !live.session.watching;
+  document.body.classList.toggle("no-session", stale);
   const held = driving.driving;
   if (mode === playback) shell.toolPanel.offer("Recording", false);
   else if (held) shell.toolPanel.offer("Release (G)", true);
   else shell.toolPanel.offer(live.role === "spectator" ? "Taken" : "Grab (G)", live.mayControl);
   setText(byId("roster"), roster());
-  setText(byId("session-id"), mode === live ? (live.session.id ?? "") : "recording");
+  setText(byId("session-id"), sessionName());
   setText(byId("fps"), `${hooks.fps.toFixed(0)} fps`);
   setText(byId("axis-lock"), held && driving.axisLock ? "locked to the shaft (X)" : "");
   setText(byId("errors"), hooks.errors.length > 0 ? `${hooks.errors.length} errors` : "");
   byId("errors").title = hooks.errors.slice(-3).join("\n");
 }
 
+function sessionName(): string {
+  if (mode === playback) return "recording";
+  return live.session.watching ? (live.session.id ?? "") : "";
+}
+
 function roster(): string {
   if (mode === playback) return playback.name;
   if (live.connectionState !== "connected") return live.connectionState;
+  if (!live.session.watching) return "no session";
   const viewers = `${live.viewers} viewer${live.viewers === 1 ? "" : "s"}`;
   const others =
     live.role === "spectator" ? `, ${live.operatedTools.join(", ")} driven by someone else` : "";

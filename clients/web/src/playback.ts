@@ -58,6 +58,7 @@ export class Playback implements Mode {
       const frame = await file.frameNear(wanted);
       if (!frame) throw new Error("it holds no frames");
       before();
+      this.shell.banner.set("opening", undefined);
       this.shell.setTopology(file.topology);
       this.file = file;
       this.name = name;
@@ -72,7 +73,7 @@ export class Playback implements Mode {
       return true;
     } catch (error) {
       const text = `Cannot open ${name}: ${inWords(error)}`;
-      this.shell.banner.set("recording", text, "error", kFailureMs);
+      this.shell.banner.set("opening", text, "error", kFailureMs);
       return false;
     }
   }
@@ -81,6 +82,7 @@ export class Playback implements Mode {
     this.file = undefined;
     this.running = false;
     this.shell.plots.show(undefined);
+    this.shell.banner.set("opening", undefined);
     this.shell.banner.set("recording", undefined);
     byId("scrub-row").hidden = true;
     this.shell.hooks.mode = "live";
