@@ -22,13 +22,6 @@ using namespace mcap;
 // More would say nothing new, and a hostile file could hold millions.
 constexpr std::size_t kMostDamage = 100;
 
-// Foreign bytes in a message of ours.
-std::string Escaped(std::string_view text) {
-  constexpr std::size_t kMostBytes = 100;
-  text = text.substr(0, kMostBytes);
-  return absl::CHexEscape(absl::string_view(text.data(), text.size()));
-}
-
 // Reads exactly so many bytes at a place.
 bool ReadAt(int fd, std::uint64_t offset, std::uint64_t count, char* out) {
   while (count > 0) {
@@ -43,6 +36,12 @@ bool ReadAt(int fd, std::uint64_t offset, std::uint64_t count, char* out) {
 }
 
 }  // namespace
+
+std::string Escaped(std::string_view text) {
+  constexpr std::size_t kMostBytes = 100;
+  text = text.substr(0, kMostBytes);
+  return absl::CHexEscape(absl::string_view(text.data(), text.size()));
+}
 
 absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& path) {
   // Without blocking: opening a pipe would wait for its writer.

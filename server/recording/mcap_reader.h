@@ -110,4 +110,7 @@ class McapReader {
   bool chunk_whole_ = true;         // false: the file ends in it
 };
 
+// The first bytes of a foreign text, for a message of ours: nothing in it reaches a terminal.
+std::string Escaped(std::string_view text);
+
 }  // namespace adhesim

@@ -1,6 +1,5 @@
 #include "server/recording/recording_format.h"
 
-#include <absl/strings/escaping.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <google/protobuf/descriptor.pb.h>
@@ -126,7 +125,7 @@ absl::StatusOr<RecordingBeginning> ReadBeginning(const McapReader& reader,
     return found == metadata->second.end() ? "" : found->second;
   };
   if (value("format") != kFormat) {
-    return refuse(absl::StrCat("a recording of format \"", absl::CHexEscape(value("format")),
+    return refuse(absl::StrCat("a recording of format \"", Escaped(value("format")),
                                "\" (metadata \"adhesim\"), permitted is \"", kFormat, "\""));
   }
   RecordingBeginning beginning;
@@ -137,8 +136,8 @@ absl::StatusOr<RecordingBeginning> ReadBeginning(const McapReader& reader,
   about.scene_name = value("scene_name");
   if (!absl::SimpleAtod(value("rate_hz"), &about.rate_hz) ||
       !absl::SimpleAtoi(value("seed"), &about.seed)) {
-    return refuse(absl::StrCat("rate_hz is \"", absl::CHexEscape(value("rate_hz")),
-                               "\" and seed \"", absl::CHexEscape(value("seed")),
+    return refuse(absl::StrCat("rate_hz is \"", Escaped(value("rate_hz")), "\" and seed \"",
+                               Escaped(value("seed")),
                                "\" (metadata \"adhesim\"), permitted are numbers"));
   }
   if (!has_scene) return refuse(absl::StrCat("no attachment \"", kSceneAttachment, "\""));
