@@ -69,10 +69,11 @@ Json ResultJson(const Arguments& arguments, const ReplayResult& result) {
 }
 
 void PrintText(const Arguments& arguments, const ReplayResult& result) {
-  std::cout << absl::StrFormat(
-      "%s: %d steps (%g s), %d frames, recorded by %s (%s); state %s\n", result.about.scene_name,
-      result.steps, static_cast<double>(result.steps) * result.dt_s, result.frames,
-      result.about.version, result.about.build, HashText(result.final_hash));
+  std::cout << absl::StrFormat("%s: %d steps (%g s), %d frames, recorded by %s (%s); state %s\n",
+                               Escaped(result.about.scene_name), result.steps,
+                               static_cast<double>(result.steps) * result.dt_s, result.frames,
+                               Escaped(result.about.version), Escaped(result.about.build),
+                               HashText(result.final_hash));
   if (arguments.verify && !result.difference) {
     std::cout << absl::StrFormat("%d steps are identical, with %d threads\n", result.verified,
                                  arguments.threads);
@@ -136,7 +137,8 @@ int RunReplay(const Arguments& arguments) {
   ReplayOptions options;
   options.verify = arguments.verify;
   options.threads = arguments.threads;
-  options.stop = &StopOnSignals();
+  // While the scene is built, which may be long, they end the program as they always do.
+  options.stop = StopOnSignals;
   const absl::StatusOr<ReplayResult> result = Replay(arguments.file, options);
   if (!result.ok()) {
     std::cerr << "error: " << result.status().message() << "\n";

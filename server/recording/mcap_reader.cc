@@ -22,13 +22,6 @@ using namespace mcap;
 // More would say nothing new, and a hostile file could hold millions.
 constexpr std::size_t kMostDamage = 100;
 
-// Foreign bytes in a message of ours.
-std::string Escaped(std::string_view text) {
-  constexpr std::size_t kMostBytes = 100;
-  text = text.substr(0, kMostBytes);
-  return absl::CHexEscape(absl::string_view(text.data(), text.size()));
-}
-
 // Reads exactly so many bytes at a place.
 bool ReadAt(int fd, std::uint64_t offset, std::uint64_t count, char* out) {
   while (count > 0) {
@@ -43,6 +36,12 @@ bool ReadAt(int fd, std::uint64_t offset, std::uint64_t count, char* out) {
 }
 
 }  // namespace
+
+std::string Escaped(std::string_view text) {
+  constexpr std::size_t kMostBytes = 100;
+  text = text.substr(0, kMostBytes);
+  return absl::CHexEscape(absl::string_view(text.data(), text.size()));
+}
 
 absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& path) {
   // Without blocking: opening a pipe would wait for its writer.
@@ -77,6 +76,7 @@ absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& 
   while (reader->PeekRecord(&opcode, &length) && opcode != kChunk && opcode != kMessage) {
     if (!reader->ReadRecord(opcode, length)) break;
   }
+  if (!reader->refused_.ok()) return reader->refused_;
   return reader;
 }
 
@@ -143,8 +143,32 @@ bool McapReader::PeekRecord(std::uint8_t* opcode, std::uint64_t* length) {
   return true;
 }
 
+// False, and nothing more is read, when there would be too much of it.
+bool McapReader::Keep(std::uint64_t bytes, std::uint64_t most, const char* what,
+                      std::uint64_t* kept) {
+  if (bytes <= most - *kept) {
+    *kept += bytes;
+    return true;
+  }
+  done_ = true;
+  chunk_ = {};
+  refused_ = absl::InvalidArgumentError(
+      absl::StrCat("'", path_, "': more than ", most, " bytes of ", what, " (up to byte ",
+                   record_begin_, "); permitted are so many in all"));
+  return false;
+}
+
+bool McapReader::KeepDescription(std::uint64_t bytes) {
+  return Keep(bytes, kMaxDescriptionBytes, "schemas, channels and metadata", &description_bytes_);
+}
+
 // Reads a record that is not a chunk; false after the last one.
 bool McapReader::ReadRecord(std::uint8_t opcode, std::uint64_t length) {
+  // Before memory is taken. Even an empty attachment takes some.
+  if (opcode == kAttachment && !Keep(length + sizeof(McapAttachment), kMaxAttachmentBytes,
+                                     "attachments", &attachment_bytes_)) {
+    return false;
+  }
   const std::uint32_t crc_before = crc_;
   std::string prefix;
   if (!Read(kRecordPrefix, &prefix) || !Read(length, &record_)) {
@@ -174,7 +198,7 @@ bool McapReader::ReadRecord(std::uint8_t opcode, std::uint64_t length) {
     default:  // the header, indexes, and what later versions add
       break;
   }
-  return true;
+  return refused_.ok();
 }
 
 void McapReader::ReadSchema(std::string_view content) {
@@ -185,7 +209,11 @@ void McapReader::ReadSchema(std::string_view content) {
       !cursor.TakeString(&data)) {
     return Damaged(record_begin_, "a schema that is too short");
   }
-  schemas_[id] = {std::string(name), std::string(encoding), std::string(data)};
+  // Writers may repeat schemas and channels in every chunk: the one before is not kept.
+  McapSchema& schema = schemas_[id];
+  description_bytes_ -= schema.name.size() + schema.encoding.size() + schema.data.size();
+  if (!KeepDescription(name.size() + encoding.size() + data.size())) return;
+  schema = {std::string(name), std::string(encoding), std::string(data)};
 }
 
 void McapReader::ReadChannel(std::string_view content) {
@@ -197,9 +225,12 @@ void McapReader::ReadChannel(std::string_view content) {
       !cursor.TakeString(&encoding)) {
     return Damaged(record_begin_, "a channel that is too short");
   }
+  McapChannel& before = channels_[id];
+  description_bytes_ -= before.topic.size() + before.message_encoding.size();
+  if (!KeepDescription(topic.size() + encoding.size())) return;
   channel.topic = topic;
   channel.message_encoding = encoding;
-  channels_[id] = std::move(channel);
+  before = std::move(channel);
 }
 
 void McapReader::ReadMetadata(std::string_view content) {
@@ -208,6 +239,7 @@ void McapReader::ReadMetadata(std::string_view content) {
   if (!cursor.TakeString(&name) || !cursor.TakeString(&map)) {
     return Damaged(record_begin_, "metadata that is too short");
   }
+  if (!KeepDescription(content.size())) return;
   std::map<std::string, std::string>& values = metadata_[std::string(name)];
   Cursor entries(map);
   while (!entries.rest().empty()) {
@@ -297,6 +329,7 @@ bool McapReader::TakeFromChunk(McapMessage* message) {
     record_begin_ = at;
     if (opcode == kSchema) ReadSchema(content);
     if (opcode == kChannel) ReadChannel(content);
+    if (!refused_.ok()) return false;
     if (opcode != kMessage) continue;
     Cursor fields(content);
     std::uint32_t sequence = 0;
@@ -318,12 +351,14 @@ bool McapReader::TakeFromChunk(McapMessage* message) {
 absl::StatusOr<bool> McapReader::Next(McapMessage* message) {
   while (true) {
     if (TakeFromChunk(message)) return true;
+    if (!refused_.ok()) return refused_;
     std::uint8_t opcode = 0;
     std::uint64_t length = 0;
     if (!PeekRecord(&opcode, &length)) return false;
     if (opcode != kChunk && opcode != kMessage) {
-      if (!ReadRecord(opcode, length)) return false;
-      continue;
+      if (ReadRecord(opcode, length)) continue;
+      if (!refused_.ok()) return refused_;
+      return false;
     }
     std::string prefix;
     const std::uint64_t there = std::min(length, size_ - position_ - kRecordPrefix);

@@ -13,6 +13,11 @@
 
 namespace adhesim {
 
+// What stands beside the messages is kept in memory whole: so much of it at most. What a scene
+// names is far smaller.
+inline constexpr std::uint64_t kMaxAttachmentBytes = std::uint64_t{256} << 20;
+inline constexpr std::uint64_t kMaxDescriptionBytes = std::uint64_t{16} << 20;
+
 struct McapSchema {
   std::string name, encoding, data;
 };
@@ -45,20 +50,22 @@ struct McapDamage {
 // size and a limit before memory is taken.
 //
 // A file that ends early is read up to its last whole record, whole messages of the last chunk
-// included. A chunk whose checksum is wrong is read all the same (and said to be damaged), so that
-// the reader of a recording can find what differs. Compressed chunks are refused.
+// included. Attachments, and schemas, channels and metadata, have a limit for all of them together;
+// a file that has more is refused. A chunk whose checksum is wrong is read all the same (and said
+// to be damaged), so that the reader of a recording can find what differs. Compressed chunks are
+// refused.
 class McapReader {
  public:
-  // No record may be larger: the largest attachment that a scene can need, and some.
+  // No record may be larger.
   static constexpr std::uint64_t kMaxRecordBytes = std::uint64_t{1} << 30;
 
   // Opens the file and reads what stands before its first message. Errors: NotFound,
-  // InvalidArgument (not MCAP, another version).
+  // InvalidArgument (not MCAP, another version, more than is kept).
   static absl::StatusOr<std::unique_ptr<McapReader>> Open(const std::string& path);
   ~McapReader();
 
   // The next message in the file's order; false at the end. Errors: InvalidArgument (a compressed
-  // chunk).
+  // chunk, more than is kept).
   absl::StatusOr<bool> Next(McapMessage* message);
 
   // What was met so far.
@@ -77,6 +84,8 @@ class McapReader {
 
   bool Read(std::uint64_t count, std::string* bytes);
   bool PeekRecord(std::uint8_t* opcode, std::uint64_t* length);
+  bool Keep(std::uint64_t bytes, std::uint64_t most, const char* what, std::uint64_t* kept);
+  bool KeepDescription(std::uint64_t bytes);
   bool ReadRecord(std::uint8_t opcode, std::uint64_t length);
   void ReadSchema(std::string_view content);
   void ReadChannel(std::string_view content);
@@ -95,6 +104,8 @@ class McapReader {
   std::uint64_t position_ = 0;
   std::uint32_t crc_ = 0;  // of all bytes read
   bool done_ = false;
+  absl::Status refused_;                                        // more than is kept
+  std::uint64_t attachment_bytes_ = 0, description_bytes_ = 0;  // kept
 
   std::map<std::uint16_t, McapSchema> schemas_;
   std::map<std::uint16_t, McapChannel> channels_;
@@ -109,5 +120,8 @@ class McapReader {
   std::uint64_t chunk_at_ = 0;      // its place in the file
   bool chunk_whole_ = true;         // false: the file ends in it
 };
+
+// The first bytes of a foreign text, for a message of ours: nothing in it reaches a terminal.
+std::string Escaped(std::string_view text);
 
 }  // namespace adhesim

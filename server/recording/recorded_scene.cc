@@ -65,7 +65,7 @@ absl::Status Unpack(const std::vector<SceneAsset>& assets, const std::string& di
                                   [&](const SceneAsset& a) { return a.name == *file; });
   if (asset == assets.end()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("the scene names the file \"", *file, "\", which is not attached"));
+        absl::StrCat("the scene names the file \"", Escaped(*file), "\", which is not attached"));
   }
   *file = UnpackedName(asset - assets.begin(), *file);
   std::ofstream out(fs::path(directory) / *file, std::ios::binary);
@@ -80,6 +80,9 @@ absl::Status Refuse(const Problems& problems) {
   for (const Problem& problem : problems) {
     if (!problem.warning) absl::StrAppend(&text, "; ", problem.path, ": ", problem.message);
   }
+  // They quote the scene.
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return !(c >= 0x20 && c < 0x7F); }, '?');
   return absl::InvalidArgumentError(text);
 }
 

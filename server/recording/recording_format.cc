@@ -1,6 +1,5 @@
 #include "server/recording/recording_format.h"
 
-#include <absl/strings/escaping.h>
 #include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <google/protobuf/descriptor.pb.h>
@@ -27,7 +26,10 @@ constexpr char kFormat[] = "1";
 // The scene as a message. The metadata has it as text, too, for people; but scenes sent by clients
 // may be larger than the text that the scene reader takes.
 constexpr char kSceneAttachment[] = "scene.binpb";
-constexpr std::size_t kMaxAssetBytes = std::size_t{512} << 20;
+// Of the files, and of what is left for the scene itself and the attachments' own bytes.
+constexpr std::size_t kMaxAssetBytes = kMaxAttachmentBytes - (std::size_t{32} << 20);
+// A longer text is left out: nobody would read it, and the reader would not take it.
+constexpr std::size_t kMaxSceneText = kMaxDescriptionBytes / 2;
 
 // Shortest text that reads back to the same number.
 std::string NumberText(double value) {
@@ -60,14 +62,16 @@ std::string DescriptorSet(const pb::Descriptor* message) {
 absl::StatusOr<std::vector<SceneAsset>> ReadSceneAssets(const v1::Scene& scene,
                                                         const std::string& directory) {
   std::vector<SceneAsset> assets;
+  std::size_t left = kMaxAssetBytes;
   for (const v1::Body& body : scene.bodies()) {
     const std::string& name = body.has_mesh() ? body.mesh().file() : body.label_map().file();
     const auto same = [&](const SceneAsset& asset) { return asset.name == name; };
     if (name.empty() || std::any_of(assets.begin(), assets.end(), same)) continue;
     const absl::StatusOr<std::string> path = ResolveFile(name, directory);
     if (!path.ok()) return path.status();
-    absl::StatusOr<std::string> bytes = ReadFile(*path, kMaxAssetBytes);
+    absl::StatusOr<std::string> bytes = ReadFile(*path, left);
     if (!bytes.ok()) return bytes.status();
+    left -= bytes->size();
     assets.push_back({name, *std::move(bytes)});
   }
   return assets;
@@ -75,6 +79,8 @@ absl::StatusOr<std::vector<SceneAsset>> ReadSceneAssets(const v1::Scene& scene,
 
 RecordingChannels WriteBeginning(const RecordingAbout& about, const v1::Scene& scene,
                                  const std::vector<SceneAsset>& assets, McapWriter* writer) {
+  std::string text = SceneToYaml(scene);
+  if (text.size() > kMaxSceneText) text.clear();
   writer->AddMetadata(kMetadataName, {{"format", kFormat},
                                       {"version", about.version},
                                       {"build", about.build},
@@ -82,7 +88,7 @@ RecordingChannels WriteBeginning(const RecordingAbout& about, const v1::Scene& s
                                       {"scene_name", about.scene_name},
                                       {"rate_hz", NumberText(about.rate_hz)},
                                       {"seed", absl::StrCat(about.seed)},
-                                      {"scene", SceneToYaml(scene)}});
+                                      {"scene", text}});
   writer->AddAttachment(kSceneAttachment, "application/x-protobuf", scene.SerializeAsString());
   for (const SceneAsset& asset : assets) {
     writer->AddAttachment(asset.name, "application/octet-stream", asset.bytes);
@@ -126,7 +132,7 @@ absl::StatusOr<RecordingBeginning> ReadBeginning(const McapReader& reader,
     return found == metadata->second.end() ? "" : found->second;
   };
   if (value("format") != kFormat) {
-    return refuse(absl::StrCat("a recording of format \"", absl::CHexEscape(value("format")),
+    return refuse(absl::StrCat("a recording of format \"", Escaped(value("format")),
                                "\" (metadata \"adhesim\"), permitted is \"", kFormat, "\""));
   }
   RecordingBeginning beginning;
@@ -137,8 +143,8 @@ absl::StatusOr<RecordingBeginning> ReadBeginning(const McapReader& reader,
   about.scene_name = value("scene_name");
   if (!absl::SimpleAtod(value("rate_hz"), &about.rate_hz) ||
       !absl::SimpleAtoi(value("seed"), &about.seed)) {
-    return refuse(absl::StrCat("rate_hz is \"", absl::CHexEscape(value("rate_hz")),
-                               "\" and seed \"", absl::CHexEscape(value("seed")),
+    return refuse(absl::StrCat("rate_hz is \"", Escaped(value("rate_hz")), "\" and seed \"",
+                               Escaped(value("seed")),
                                "\" (metadata \"adhesim\"), permitted are numbers"));
   }
   if (!has_scene) return refuse(absl::StrCat("no attachment \"", kSceneAttachment, "\""));

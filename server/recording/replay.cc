@@ -26,6 +26,7 @@ class Player {
   Player(std::unique_ptr<Engine> engine, const ReplayOptions& options, ReplayResult* result)
       : engine_(std::move(engine)),
         options_(options),
+        stop_(options.stop ? &options.stop() : nullptr),
         inputs_(engine_->model().tools.size()),
         result_(*result) {}
 
@@ -47,6 +48,7 @@ class Player {
 
   const std::unique_ptr<Engine> engine_;
   const ReplayOptions& options_;
+  const std::atomic<bool>* const stop_;
   std::vector<ToolInput> inputs_;       // [#tools]
   std::deque<v1::StepInputs> pending_;  // of steps to come
   std::uint64_t last_made_ = 0;         // the latest step that anything in the file is of
@@ -147,7 +149,7 @@ bool Player::TakeHashes(const McapMessage& message) {
     return false;
   }
   for (const std::uint64_t hash : hashes.hashes()) {
-    result_.interrupted = options_.stop != nullptr && options_.stop->load();
+    result_.interrupted = stop_ != nullptr && stop_->load();
     if (result_.interrupted || !Step(hash)) return false;
   }
   return true;
@@ -179,6 +181,21 @@ absl::Status Play(McapReader* reader, Player* player, ReplayResult* result) {
   }
 }
 
+// What the file says about itself is for people; the scene is what was stepped.
+absl::Status CheckAbout(const RecordingAbout& about, const Model& model) {
+  const double rate_hz = 1 / model.dt_s;
+  if (about.seed != model.seed) {
+    return absl::InvalidArgumentError(absl::StrCat("the metadata say that the seed is ", about.seed,
+                                                   ", the scene says ", model.seed));
+  }
+  // Both are the same number written and read; a few roundings are permitted to other writers.
+  if (!(std::abs(about.rate_hz - rate_hz) <= 1e-12 * rate_hz)) {
+    return absl::InvalidArgumentError(absl::StrCat("the metadata say that rate_hz is ",
+                                                   about.rate_hz, ", the scene says ", rate_hz));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<ReplayResult> Replay(const std::string& path, const ReplayOptions& options) {
@@ -189,6 +206,9 @@ absl::StatusOr<ReplayResult> Replay(const std::string& path, const ReplayOptions
   const absl::StatusOr<std::shared_ptr<const Model>> model = BuildRecordedModel(*beginning);
   if (!model.ok()) {
     return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", model.status().message()));
+  }
+  if (absl::Status status = CheckAbout(beginning->about, **model); !status.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", status.message()));
   }
   absl::StatusOr<std::unique_ptr<Engine>> engine =
       Engine::Create(*model, {.threads = options.threads});

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,7 +16,8 @@ namespace adhesim {
 struct ReplayOptions {
   bool verify = false;  // compare the hash of every step
   int threads = 1;
-  const std::atomic<bool>* stop = nullptr;  // ends the replay when true
+  // Asked for when stepping begins, since nothing looks before; ends the replay when true.
+  std::function<const std::atomic<bool>&()> stop = nullptr;
 };
 
 // The first step whose hash is not the recorded one.
@@ -43,7 +45,7 @@ struct ReplayResult {
 
 // Rebuilds the scene and its engine and applies the recorded inputs by step; consults no clock.
 // With `verify` it ends at the first step that differs. Errors: the file is no recording (NotFound,
-// InvalidArgument), or its scene cannot be built.
+// InvalidArgument), its scene cannot be built, or its metadata contradict the scene.
 absl::StatusOr<ReplayResult> Replay(const std::string& path, const ReplayOptions& options);
 
 }  // namespace adhesim

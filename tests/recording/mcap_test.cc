@@ -3,6 +3,10 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+
 #include "server/recording/mcap_reader.h"
 #include "server/recording/mcap_writer.h"
 #include "tests/recording/recording_files.h"
@@ -176,6 +180,53 @@ TEST(Mcap, RefusesCompressedChunks) {
 }
 
 // A length is held against the file before memory is taken: 2^63 bytes would end the program.
+// Attachments that are holes of a file cost its writer nothing; they must cost its reader no
+// memory.
+TEST(Mcap, RefusesMoreAttachmentsThanItKeeps) {
+  std::string bytes;
+  McapWriter writer(test::SinkInto(&bytes), "", "");
+  const std::string path = TempPath("attachments.mcap");
+  test::WriteFile(path, bytes);
+  constexpr std::uint64_t kEach = std::uint64_t{100} << 20;
+  std::string prefix;
+  mcap::OpenRecord(mcap::kAttachment, &prefix);
+  std::memcpy(prefix.data() + 1, &kEach, sizeof(kEach));
+  for (int i = 0; i < 3; ++i) {
+    std::ofstream(path, std::ios::binary | std::ios::app) << prefix;
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) + kEach);
+  }
+  const absl::Status status = McapReader::Open(path).status();
+  std::filesystem::remove(path);
+  EXPECT_TRUE(absl::IsInvalidArgument(status));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("attachments.mcap"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("268435456 bytes of attachments"));
+}
+
+TEST(Mcap, RefusesMoreMetadataThanItKeeps) {
+  const std::string path = TempPath("metadata.mcap");
+  const std::string half(kMaxDescriptionBytes / 2 - 100, 'x');
+  const auto open = [&](int records, bool behind_a_message) {
+    std::string bytes;
+    McapWriter writer(test::SinkInto(&bytes), "", "");
+    const std::uint16_t channel = writer.AddChannel(0, "/a", "");
+    writer.AddMessage(channel, 0, "first");
+    if (behind_a_message) writer.FlushChunk();
+    for (int i = 0; i < records; ++i) writer.AddMetadata("m", {{"key", half}});
+    writer.Finish();
+    test::WriteFile(path, bytes);
+    absl::StatusOr<std::unique_ptr<McapReader>> reader = McapReader::Open(path);
+    if (!reader.ok()) return reader.status();
+    McapMessage message;
+    absl::StatusOr<bool> more = true;
+    while (more.ok() && *more) more = (*reader)->Next(&message);
+    return more.status();
+  };
+  for (const bool behind : {false, true}) {
+    EXPECT_TRUE(open(2, behind).ok());
+    EXPECT_TRUE(absl::IsInvalidArgument(open(3, behind)));
+  }
+}
+
 TEST(Mcap, SurvivesHugeLengths) {
   const std::string whole = SmallFile();
   for (const test::RecordPlace& record : test::RecordsOf(whole)) {

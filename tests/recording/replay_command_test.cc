@@ -120,6 +120,20 @@ TEST(ReplayCommand, EndsWithTwoOnBadInput) {
   }
 }
 
+TEST(ReplayCommand, NothingInARecordingReachesTheTerminal) {
+  const std::string path = TempPath("escapes.mcap");
+  Record(path);
+  std::string bytes = test::ReadWholeFile(path);
+  // In the metadata, as long as before.
+  bytes.replace(bytes.find("needle_organ", bytes.find("scene_name")), 12,
+                "\x1b]0;\x9b"
+                "31mno\x07\x7f");
+  test::WriteFile(path, bytes);
+  const Outcome replay = Adhesim("replay " + path);
+  EXPECT_THAT(replay.out, HasSubstr("\\x1b]0;\\x9b"));
+  for (const char c : replay.out + replay.err) EXPECT_TRUE(c == '\n' || (c >= 0x20 && c < 0x7f));
+}
+
 TEST(ReplayCommand, ARunOutlivesAFullDisk) {
   // A limit of the file's size stands for the disk's: 100 kB hold the beginning, not all of it.
   const std::string out = TempPath("full_out"), err = TempPath("full_err");

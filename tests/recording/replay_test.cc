@@ -399,6 +399,24 @@ TEST(Replay, RefusesWhatIsNoRecording) {
   EXPECT_FALSE(Replay("no/such/file", {}).ok());
 }
 
+TEST(Replay, RefusesMetadataThatContradictTheScene) {
+  const std::string path = TempPath("contradiction.mcap");
+  const auto model = test::ModelOf(test::NeedleScene(test::kPressAndPull));
+  const auto replayed = [&](double rate_hz, std::uint64_t seed) {
+    std::string bytes;
+    McapWriter writer(test::SinkInto(&bytes), "", "");
+    WriteBeginning({"1", "b", "s", "n", rate_hz, seed}, model->scene, {}, &writer);
+    writer.Finish();
+    test::WriteFile(path, bytes);
+    return std::string(Replay(path, {}).status().message());
+  };
+  const double rate_hz = 1 / model->dt_s;
+  EXPECT_EQ(replayed(rate_hz, model->seed), "");
+  EXPECT_THAT(replayed(rate_hz, model->seed + 1), HasSubstr("metadata say that the seed is"));
+  EXPECT_THAT(replayed(rate_hz * 2, model->seed), HasSubstr("metadata say that rate_hz is"));
+  EXPECT_THAT(replayed(std::nan(""), model->seed), HasSubstr("metadata say that rate_hz is"));
+}
+
 // The metadata has the scene as text, for people: it must be the scene that is replayed.
 TEST(Replay, TheSceneInTheMetadataIsTheOneReplayed) {
   const std::string path = TempPath("text.mcap");
@@ -417,7 +435,9 @@ TEST(Replay, StopsWhenToldTo) {
   const std::string path = TempPath("stop.mcap");
   RunScript(path, 100);
   const std::atomic<bool> stop{true};
-  const absl::StatusOr<ReplayResult> result = Replay(path, {.stop = &stop});
+  ReplayOptions options;
+  options.stop = [&]() -> const std::atomic<bool>& { return stop; };
+  const absl::StatusOr<ReplayResult> result = Replay(path, options);
   ASSERT_TRUE(result.ok());
   EXPECT_TRUE(result->interrupted);
   EXPECT_EQ(result->steps, 0u);
