@@ -167,7 +167,7 @@ absl::StatusOr<std::unique_ptr<Browser>> Browser::Start(const Options& options) 
   std::unique_ptr<Browser> browser(new Browser(options));
   absl::Status status = browser->Launch();
   if (status.ok()) status = browser->AttachToPage();
-  if (absl::IsUnavailable(status)) {
+  if (absl::IsInternal(status)) {
     return absl::InternalError(absl::StrCat(status.message(), browser->LastWords()));
   }
   if (!status.ok()) return status;
@@ -282,7 +282,7 @@ absl::Status Browser::Send(const std::string& message) {
       absl::Status status = Await(to_browser_, POLLOUT);
       if (!status.ok()) return status;
     } else {
-      return absl::UnavailableError("the browser ended");
+      return absl::InternalError("the browser ended");
     }
   }
   return absl::OkStatus();
@@ -307,7 +307,7 @@ absl::StatusOr<Json> Browser::Receive() {
     if (count > 0) {
       received_.append(bytes, count);
     } else if (count == 0 || (errno != EAGAIN && errno != EINTR)) {
-      return absl::UnavailableError("the browser ended");
+      return absl::InternalError("the browser ended");
     }
   }
 }

@@ -143,7 +143,11 @@ absl::StatusOr<Json> TakePicture(double at_s, const std::string& path, Browser* 
   std::ofstream file(path, std::ios::binary);
   file << *png;
   file.close();
-  if (!file) return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+  if (!file) {
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+  }
   Json picture;
   picture["path"] = path;
   picture["step"] = shown->value("step", 0.0);

@@ -5,7 +5,7 @@ import { defineConfig } from "vite";
 export default defineConfig({
   build: {
     ssr: true,
-    outDir: "node_modules/.adhesim-test",
+    outDir: ".test",
     emptyOutDir: true,
     target: "node20",
     rollupOptions: {

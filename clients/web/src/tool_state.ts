@@ -3,13 +3,15 @@
 import type { Frame, ToolState } from "./gen/adhesim/v1/frame_pb";
 import { axialForceN, forceN } from "./driving";
 
-export type ToolMood = "free" | "touching" | "sticking" | "pulling" | "limited" | "lost";
+export type ToolMood = "free" | "touching" | "sticking" | "pulling" | "limited" | "unattended" | "retracted";
 
 /** One word for what a tool does, the most urgent first. */
 export function toolMood(frame: Frame, index: number): ToolMood {
   const tool = frame.tools[index];
   if (!tool) return "free";
-  if (tool.operatorLost || tool.retracted) return "lost";
+  // Nobody drives it, by will or by mishap: it holds, and then leaves contact.
+  if (tool.retracted) return "retracted";
+  if (tool.operatorLost) return "unattended";
   if (tool.forceLimited || tool.obstructed) return "limited";
   const stuck = frame.zones.some((zone) => zone.tool === index);
   if (stuck && axialForceN(tool) < 0) return "pulling";
