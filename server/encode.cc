@@ -8,6 +8,8 @@
 #include <limits>
 #include <span>
 
+#include "core/model/effect_name.h"
+
 namespace adhesim {
 namespace {
 
@@ -116,10 +118,7 @@ void EncodeTopology(const Model& model, v1::Topology* message) {
   std::vector<Eigen::Vector3f> rest;
   for (const Vec3& x : model.rest_position_m) rest.push_back(x.cast<float>());
   AssignBytes(rest, message->mutable_rest_positions());
-  for (const v1::Effect& effect : model.scene.effects()) {
-    const auto* kind = effect.GetDescriptor()->FindOneofByName("kind");
-    message->add_effects(effect.GetReflection()->GetOneofFieldDescriptor(effect, kind)->name());
-  }
+  for (const v1::Effect& effect : model.scene.effects()) message->add_effects(EffectName(effect));
   for (const Body& body : model.bodies) {
     v1::BodyTopology* out = message->add_bodies();
     out->set_name(body.name);

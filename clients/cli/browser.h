@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "clients/cli/temporary_directory.h"
+#include "server/recording/temporary_directory.h"
 
 namespace adhesim {
 

@@ -19,6 +19,7 @@
 #include "adhesim/v1/session_service.grpc.pb.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/service_client.h"
+#include "clients/cli/stop_signals.h"
 #include "clients/cli/trajectory.h"
 #include "clients/cli/validators.h"
 
@@ -225,7 +226,7 @@ std::uint64_t SendPoses(const Trajectory& trajectory, const OperateOptions& opti
     // When it was due, not when it was sent: a late client must not look fast.
     pose->set_client_time_ns(due_ns);
     *pose->mutable_pose() = trajectory.At(trajectory.begin_s() + t_s);
-    if (Interruption::requested() || reader->ended() || !stream->Write(request)) return i;
+    if (StopRequested() || reader->ended() || !stream->Write(request)) return i;
     if (!options.json && t_s >= next_line_s) {
       PrintProgress(t_s, reader->TakeRecent());
       next_line_s += 1;
@@ -344,7 +345,7 @@ ExitCode OperateIn(const OperateOptions& options, const Trajectory& trajectory,
     std::cerr << "error: --forces " << options.forces << ": writing failed\n";
     return kExitCheckFailed;
   }
-  return Interruption::requested() ? kExitInterrupted : kExitOk;
+  return StopRequested() ? kExitInterrupted : kExitOk;
 }
 
 ExitCode Operate(const OperateOptions& options) {
@@ -356,7 +357,7 @@ ExitCode Operate(const OperateOptions& options) {
   if (trajectory.empty()) return kExitBadInput;
   const std::shared_ptr<grpc::Channel> channel = Connect(options.address);
   if (channel == nullptr) return kExitCannotConnect;
-  const Interruption interruption;
+  StopOnSignals();
   const auto sessions = v1::SessionService::NewStub(channel);
   v1::Session session;
   const grpc::Status opened = OpenSession(options, *sessions, &session);

@@ -16,12 +16,13 @@
 
 #include "clients/cli/browser.h"
 #include "clients/cli/commands.h"
+#include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
 #include "clients/cli/page_server.h"
 #include "clients/cli/picture_source.h"
-#include "clients/cli/service_client.h"
-#include "clients/cli/temporary_directory.h"
+#include "clients/cli/stop_signals.h"
 #include "clients/cli/validators.h"
+#include "server/recording/temporary_directory.h"
 
 namespace adhesim {
 namespace {
@@ -90,8 +91,7 @@ absl::StatusOr<std::string> Prepare(const Arguments& arguments, const std::strin
   if (!IsMcap(arguments.source)) {
     const std::string file = absl::StrCat(directory, "/instants.mcap");
     const absl::Status recorded =
-        RecordInstants(arguments.source, arguments.settings, arguments.at_s, file,
-                       [] { return Interruption::requested(); });
+        RecordInstants(arguments.source, arguments.settings, arguments.at_s, file, StopRequested);
     if (!recorded.ok()) return recorded;
     return file;
   }
@@ -163,7 +163,7 @@ absl::Status TakePictures(const Arguments& arguments, Size size, const std::stri
   options.width = size.width;
   options.height = size.height;
   options.timeout_s = kBrowserTimeoutS;
-  options.stop = [] { return Interruption::requested(); };
+  options.stop = StopRequested;
   const absl::StatusOr<std::unique_ptr<Browser>> browser = Browser::Start(options);
   if (!browser.ok()) return browser.status();
   const absl::Status opened = OpenPage(arguments, (*server)->url(), browser->get());
@@ -195,7 +195,7 @@ ExitCode Render(Arguments arguments) {
   std::sort(arguments.at_s.begin(), arguments.at_s.end());
   arguments.at_s.erase(std::unique(arguments.at_s.begin(), arguments.at_s.end()),
                        arguments.at_s.end());
-  const Interruption interruption;
+  StopOnSignals();
   // Before the work, which may be long.
   for (const absl::Status& status : {Browser::Find(arguments.browser).status(),
                                      PageServer::HasPage(), MakeOutputDirectory(arguments.out)}) {
@@ -241,11 +241,7 @@ void AddRenderCommand(CLI::App& app, int* exit_code) {
   command->add_option("--theme", arguments->theme, "Background")
       ->check(CLI::IsMember({"light", "dark"}))
       ->capture_default_str();
-  command
-      ->add_option("--set", arguments->settings,
-                   "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")
-      ->type_name("PATH=VALUE")
-      ->allow_extra_args(false);
+  AddSettingsOption(command, &arguments->settings);
   command->add_option("--browser", arguments->browser,
                       "Chromium's program (default: the one on PATH)");
   command->add_flag("--json", arguments->json,

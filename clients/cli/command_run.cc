@@ -140,11 +140,7 @@ void AddRunCommand(CLI::App& app, int* exit_code) {
       ->check(Between(1e-3, 1e5))
       ->needs(record)
       ->capture_default_str();
-  command
-      ->add_option("--set", arguments->settings,
-                   "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")
-      ->type_name("PATH=VALUE")
-      ->allow_extra_args(false);
+  AddSettingsOption(command, &arguments->settings);
   command->add_flag("--json", arguments->json, "Prints one JSON object");
   command->callback([=] { *exit_code = Run(*arguments, steps->count() > 0, rate->count() > 0); });
 }

@@ -10,6 +10,7 @@
 #include "adhesim/v1/view_service.grpc.pb.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/service_client.h"
+#include "clients/cli/stop_signals.h"
 #include "clients/cli/validators.h"
 
 namespace adhesim {
@@ -168,7 +169,7 @@ ExitCode Stream(const WatchOptions& options, v1::ViewService::Stub& view) {
     }
     if (counter.second_is_over()) Print("second", counter.TakeSecond(), options.json);
     const bool over = options.seconds > 0 && ClockNs() - start_ns >= options.seconds * 1e9;
-    if (over || Interruption::requested()) {
+    if (over || StopRequested()) {
       ended = false;
       break;
     }
@@ -177,13 +178,13 @@ ExitCode Stream(const WatchOptions& options, v1::ViewService::Stub& view) {
   const grpc::Status status = stream->Finish();
   if (frames > 0) Print("total", counter.Total(), options.json);
   if (ended) return ReportError("watching " + options.session, status);
-  return Interruption::requested() ? kExitInterrupted : kExitOk;
+  return StopRequested() ? kExitInterrupted : kExitOk;
 }
 
 ExitCode Watch(WatchOptions options) {
   const std::shared_ptr<grpc::Channel> channel = Connect(options.address);
   if (channel == nullptr) return kExitCannotConnect;
-  const Interruption interruption;
+  StopOnSignals();
   const auto sessions = v1::SessionService::NewStub(channel);
   if (const ExitCode code = FindSession(&options, *sessions); code != kExitOk) return code;
   const auto view = v1::ViewService::NewStub(channel);

@@ -78,4 +78,12 @@ std::optional<LoadedScene> LoadScene(const std::string& path,
   return loaded;
 }
 
+void AddSettingsOption(CLI::App* command, std::vector<std::string>* settings) {
+  command
+      ->add_option("--set", *settings,
+                   "Sets a field of the scene: PATH=VALUE, as in effects[0].drag.rate_per_s=0.5")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+}
+
 }  // namespace adhesim

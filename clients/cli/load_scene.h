@@ -1,5 +1,6 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,5 +20,8 @@ struct LoadedScene {
 // every problem to stderr; empty when one of them is more than a warning.
 std::optional<LoadedScene> LoadScene(const std::string& path,
                                      const std::vector<std::string>& settings = {});
+
+// Adds the option --set, whose values go to LoadScene.
+void AddSettingsOption(CLI::App* command, std::vector<std::string>* settings);
 
 }  // namespace adhesim

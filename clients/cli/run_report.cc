@@ -5,6 +5,7 @@
 
 #include <numeric>
 
+#include "core/model/effect_name.h"
 #include "core/model/simd.h"
 #include "core/scene/field_options.h"
 
@@ -69,10 +70,7 @@ Json ToolsJson(const Engine& engine, const RunStatistics& statistics) {
 // Names of the scene's effects, in its order.
 Json EffectsJson(const v1::Scene& scene) {
   Json names = Json::array();
-  for (const v1::Effect& effect : scene.effects()) {
-    const auto* kind = effect.GetDescriptor()->FindOneofByName("kind");
-    names.push_back(effect.GetReflection()->GetOneofFieldDescriptor(effect, kind)->name());
-  }
+  for (const v1::Effect& effect : scene.effects()) names.push_back(EffectName(effect));
   return names;
 }
 

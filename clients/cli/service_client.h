@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <cstdint>
 #include <cstdlib>
 #include <ctime>
@@ -101,23 +100,5 @@ inline double Percentile(std::vector<float> values, double p) {
   std::nth_element(values.begin(), nth, values.end());
   return *nth;
 }
-
-// Ctrl-C asks for a clean stop while one of these exists.
-class Interruption {
- public:
-  Interruption() : old_int_(std::signal(SIGINT, &Set)), old_term_(std::signal(SIGTERM, &Set)) {}
-  ~Interruption() {
-    std::signal(SIGINT, old_int_);
-    std::signal(SIGTERM, old_term_);
-  }
-  static bool requested() { return flag_ != 0; }
-
- private:
-  static void Set(int) { flag_ = 1; }
-  // Signal handlers reach nothing else.
-  static inline volatile std::sig_atomic_t flag_ = 0;
-  void (*old_int_)(int);
-  void (*old_term_)(int);
-};
 
 }  // namespace adhesim

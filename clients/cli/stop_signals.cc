@@ -19,4 +19,6 @@ const std::atomic<bool>& StopOnSignals() {
   return stop_requested;
 }
 
+bool StopRequested() { return stop_requested; }
+
 }  // namespace adhesim

@@ -2,6 +2,8 @@
 
 #include <absl/strings/str_cat.h>
 
+#include "core/model/effect_name.h"
+
 // The build writes effects_compiled.def: the lines of effects.def that are in ADHESIM_EFFECTS, and
 // the includes.
 #include "effects_compiled.h"
@@ -13,9 +15,7 @@ absl::StatusOr<std::unique_ptr<Effect>> MakeEffect(const Model& model, const v1:
   if (message.has_##name()) return std::make_unique<type>(model, message.name());
 #include "effects_compiled.def"
 #undef ADHESIM_EFFECT
-  const auto* kind = v1::Effect::descriptor()->FindOneofByName("kind");
-  const auto* field = message.GetReflection()->GetOneofFieldDescriptor(message, kind);
-  return absl::UnimplementedError(absl::StrCat("effect '", field ? field->name() : "(none)",
+  return absl::UnimplementedError(absl::StrCat("effect '", EffectName(message),
                                                "' is not part of this build (ADHESIM_EFFECTS)"));
 }
 

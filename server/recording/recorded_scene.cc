@@ -1,13 +1,11 @@
 #include "server/recording/recorded_scene.h"
 
 #include <absl/strings/str_cat.h>
-#include <stdlib.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -15,38 +13,12 @@
 #include "core/scene/scene_file.h"
 #include "core/scene/validate.h"
 #include "server/recording/recording_directory.h"
+#include "server/recording/temporary_directory.h"
 
 namespace adhesim {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A directory that only we can read; removed with its content.
-class PrivateDirectory {
- public:
-  PrivateDirectory() = default;
-  PrivateDirectory(const PrivateDirectory&) = delete;
-  PrivateDirectory& operator=(const PrivateDirectory&) = delete;
-  ~PrivateDirectory() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-
-  absl::Status Make() {
-    std::error_code error;
-    std::string pattern = (fs::temp_directory_path(error) / "adhesim-replay-XXXXXX").string();
-    if (error || mkdtemp(pattern.data()) == nullptr) {
-      return absl::UnavailableError(
-          absl::StrCat("no temporary directory can be made: ", std::strerror(errno)));
-    }
-    path_ = pattern;
-    return absl::OkStatus();
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 // The name in the scene decides how a file is read (".inr.gz"), and nothing else: where it is
 // written does not follow from it.
@@ -93,18 +65,19 @@ absl::StatusOr<std::shared_ptr<const Model>> BuildRecordedModel(
   v1::Scene scene = beginning.scene;
   const Problems problems = ValidateScene(scene);
   if (!AllWarnings(problems)) return Refuse(problems);
-  PrivateDirectory directory;
-  if (absl::Status status = directory.Make(); !status.ok()) return status;
+  const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
+  if (!directory.ok()) return directory.status();
   for (v1::Body& body : *scene.mutable_bodies()) {
     absl::Status status;
     if (body.has_mesh()) {
-      status = Unpack(beginning.assets, directory.path(), body.mutable_mesh()->mutable_file());
+      status = Unpack(beginning.assets, (*directory)->path(), body.mutable_mesh()->mutable_file());
     } else if (body.has_label_map()) {
-      status = Unpack(beginning.assets, directory.path(), body.mutable_label_map()->mutable_file());
+      status =
+          Unpack(beginning.assets, (*directory)->path(), body.mutable_label_map()->mutable_file());
     }
     if (!status.ok()) return status;
   }
-  BuiltModel built = BuildModel(WithDefaults(scene), directory.path());
+  BuiltModel built = BuildModel(WithDefaults(scene), (*directory)->path());
   if (built.model == nullptr || !AllWarnings(built.problems)) return Refuse(built.problems);
   return built.model;
 }

@@ -1,4 +1,4 @@
-#include "clients/cli/temporary_directory.h"
+#include "server/recording/temporary_directory.h"
 
 #include <absl/strings/str_cat.h>
 
