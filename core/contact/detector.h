@@ -8,20 +8,10 @@
 #include "core/contact/triangle_tree.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
+#include "core/model/near_pair.h"
 #include "core/model/parallel.h"
 
 namespace adhesim {
-
-// A particle near the surface of another body.
-struct NearPair {
-  std::int32_t particle;
-  std::int32_t body;      // the other body
-  std::int32_t triangle;  // its nearest triangle (the lowest number, if several are as near)
-  Vec3 weights;           // barycentric coordinates of the nearest point
-  Vec3 normal;            // unit, from the surface to the side the particle belongs on
-  double gap_m;           // along `normal`: negative inside a closed body
-  std::int8_t side;       // +1 when `normal` is on the triangle's outer side
-};
 
 // Finds the particles within `reach` of other bodies' surfaces.
 //

@@ -43,14 +43,27 @@ absl::Status Pipeline::CompileEffects() {
   total_force_n_.assign(n, Vec3::Zero());
   solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
-  if (model_->adhesive) {
-    adhesive_ = std::make_unique<Adhesive>(*model_);
-    detector_ = std::make_unique<Detector>(*model_, std::max(model_->adhesive->capture_distance_m,
-                                                             model_->adhesive->release_distance_m));
-  }
+  CompileContact();
   frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
   start_.effect_state.assign(state_size, 0);
   return absl::OkStatus();
+}
+
+void Pipeline::CompileContact() {
+  double reach_m = 0;
+  const auto feels = [&](double distance_m, double within_m) {
+    contact_distance_m_ = reach_m > 0 ? std::min(contact_distance_m_, distance_m) : distance_m;
+    reach_m = std::max(reach_m, within_m);
+  };
+  if (model_->adhesive) {
+    adhesive_ = std::make_unique<Adhesive>(*model_);
+    const double capture_m = model_->adhesive->capture_distance_m;
+    feels(capture_m, std::max(capture_m, model_->adhesive->release_distance_m));
+  }
+  for (const auto& effect : effects_) {
+    if (const double m = effect->contact_reach_m(); m > 0) feels(m, m);
+  }
+  if (reach_m > 0) detector_ = std::make_unique<Detector>(*model_, reach_m);
 }
 
 // Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of
@@ -104,10 +117,8 @@ absl::Status Pipeline::CompileTools() {
 }
 
 void Pipeline::NameStages() {
-  if (detector_) {
-    detect_stage_ = clock_.Add("detect", "effects: virtual_adhesive");
-    zones_stage_ = clock_.Add("zones", "effects: virtual_adhesive");
-  }
+  if (detector_) detect_stage_ = clock_.Add("detect", "effects of contact");
+  if (adhesive_) zones_stage_ = clock_.Add("zones", "effects: virtual_adhesive");
   bool rows = false;
   for (const auto& effect : effects_) {
     const bool forces = effect->force_kinds() != 0;

@@ -94,7 +94,7 @@ int Pipeline::SubstepsNow() {
     turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
   }
   const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
-  const double wanted = closing * model_->dt_s / (0.5 * model_->adhesive->capture_distance_m);
+  const double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
   if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
   // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
   const double bounded = wanted <= model_->max_substeps ? wanted : model_->max_substeps;
@@ -125,9 +125,10 @@ void Pipeline::Substep(double dt_s) {
 
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
-  const std::span<const NearPair> near = detector_->Find(state_.position_m, &parallel_);
+  near_ = detector_->Find(state_.position_m, &parallel_);
   clock_.Lap(detect_stage_);
-  int changes = adhesive_->Capture(near, state_, dt_s, &state_.contacts, &report_);
+  if (!adhesive_) return;
+  int changes = adhesive_->Capture(near_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
@@ -149,9 +150,12 @@ void Pipeline::EvaluateForces() {
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     if (effects_[e]->force_kinds() == 0) continue;
     const ForceInput in{
-        state_.position_m, state_.velocity_m_s, state_.time_s,
+        state_.position_m,
+        state_.velocity_m_s,
+        state_.time_s,
         std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
-        &parallel_};
+        &parallel_,
+        near_};
     elastic_j += effects_[e]->AddForces(in, out);
     clock_.Lap(effect_stage_[e]);
   }
@@ -290,9 +294,10 @@ double Pipeline::MechanicalEnergy() const {
 double Pipeline::SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const {
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
-    const ForceInput in{state_.position_m, state_.velocity_m_s, state_.time_s,
-                        effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
-                        &parallel_};
+    const ForceInput in{
+        state_.position_m, state_.velocity_m_s,
+        state_.time_s,     effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
+        &parallel_,        near_};
     elastic_j += effects_[e]->AddForces(in, out);
   }
   return elastic_j;

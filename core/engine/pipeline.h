@@ -45,6 +45,7 @@ class Pipeline : public Engine {
   Pipeline(std::shared_ptr<const Model> model, int threads)
       : model_(std::move(model)), parallel_(threads) {}
   absl::Status CompileEffects();
+  void CompileContact();
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
   void NameStages();
@@ -73,6 +74,7 @@ class Pipeline : public Engine {
   std::vector<std::unique_ptr<Effect>> effects_;
   std::vector<int> effect_state_first_;  // [#effects] into State::effect_state
   std::unique_ptr<Detector> detector_;   // null without contact
+  double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
   std::unique_ptr<ZoneBuilder> zone_builder_;
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
@@ -90,6 +92,7 @@ class Pipeline : public Engine {
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
   std::vector<double> strength_scale_;                   // [#tools]
   std::vector<std::uint8_t> retracted_;                  // [#tools]
+  std::span<const NearPair> near_;                       // of this sub-step
   std::span<const Adhesive::NearTool> near_tools_;       // of this sub-step
 
   StageClock clock_;

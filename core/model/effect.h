@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "core/model/model.h"
+#include "core/model/near_pair.h"
 #include "core/model/parallel.h"
 
 namespace adhesim {
@@ -24,6 +25,9 @@ struct ForceInput {
   double time_s;
   std::span<double> effect_state;  // this effect's own part of State::effect_state
   Parallel* parallel;
+  // Particles within contact_reach_m() (or further) of other bodies, ascending by (particle, body);
+  // of the beginning of the sub-step.
+  std::span<const NearPair> near = {};
 };
 
 // Where forces go: N, [#particles], already zero before the first effect adds to them. Only the
@@ -65,6 +69,8 @@ class Effect {
   // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N
   // s/m]: the explicit stability bound comes from them.
   virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}
+  // Distance within which it wants to know the pairs of ForceInput::near; 0: none.
+  virtual double contact_reach_m() const { return 0; }
   // Numbers of State::effect_state that it keeps, and their values at the start.
   virtual int state_size() const { return 0; }
   virtual void InitialState(std::span<double> state) const {}
