@@ -80,7 +80,8 @@ struct AdhesiveParameters {
   double capture_distance_m = 0;  // d_on
   double release_distance_m = 0;  // d_off > d_on
   Strength strength;
-  std::optional<KappaStrength> kappa;  // used instead of `strength` when present
+  std::optional<KappaStrength> kappa;          // used instead of `strength` when present
+  std::optional<double> friction_coefficient;  // absent: what sticks under pressure never slides
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.
