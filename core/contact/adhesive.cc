@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "core/model/bond_geometry.h"
+#include "core/model/chance.h"
 
 namespace adhesim {
 namespace {
@@ -280,7 +281,7 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
 
 Adhesive::Demand Adhesive::DemandOn(const Limit& limit, const Vec3& load) const {
   const double length = limit.normal_sum.norm();
-  if (!(length > 0)) return {0, false};
+  if (!(length > 0)) return {0, false, false};
   const Vec3 normal = limit.normal_sum / length;
   const double tension = load.dot(normal);
   const double shear = (load - tension * normal).norm();
@@ -289,17 +290,27 @@ Adhesive::Demand Adhesive::DemandOn(const Limit& limit, const Vec3& load) const 
     return strength > 0 ? force / strength : std::numeric_limits<double>::infinity();
   };
   if (tension <= 0) {
-    if (!limit.may_slide) return {0, false};
-    return {over(shear, limit.shear_n - tension * *model_.adhesive->friction_coefficient), true};
+    if (!limit.may_slide) return {0, false, false};
+    return {over(shear, limit.shear_n - tension * *model_.adhesive->friction_coefficient), true,
+            false};
   }
   const double normal_ratio = over(tension, limit.normal_n);
   const double shear_ratio = over(shear, limit.shear_n);
-  return {std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio), false};
+  return {std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio), false, true};
+}
+
+bool Adhesive::TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
+                             const Contacts& contacts) const {
+  const std::optional<BellRelease>& bell = model_.adhesive->bell;
+  if (!bell || !demand.pulled || !(chance_s > 0)) return false;
+  const double rate_per_s = bell->rate_per_s * Exp(load.norm() / bell->force_n);
+  return Chance(model_.seed, contacts.draws, who) >= Exp(-rate_per_s * chance_s);
 }
 
 int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
-                      std::span<const double> strength_scale, Contacts* contacts) {
+                      std::span<const double> strength_scale, double chance_s, Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
+  contacts->draws += model_.adhesive->bell && chance_s > 0;
   CollectLimits(state, strength_scale, *contacts);
   bond_verdict_.assign(contacts->bonds.size(), 0);
   int released = 0;
@@ -310,7 +321,7 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
       const Demand demand = DemandOn(limit_[p], load_n[p]);
       zone.load = std::max(zone.load, demand.ratio);
-      if (demand.ratio > 1) {
+      if (demand.ratio > 1 || TakenByChance(p, demand, load_n[p], chance_s, *contacts)) {
         (demand.slides ? limit_[p].slides : limit_[p].released) = true;
         ++released;
       }
@@ -324,6 +335,9 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
                   cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
         const Demand demand = DemandOn(limit, cut.load_n);
         contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
+        const int first = contacts->zone_members[contacts->zones[cut.zone].first];
+        const int who = model_.particle_count() * (1 + cut.node) + first;
+        if (TakenByChance(who, demand, cut.load_n, chance_s, *contacts)) return kLetsGo;
         return demand.ratio <= 1 ? kHolds : demand.slides ? kSlides : kLetsGo;
       },
       &bond_verdict_);

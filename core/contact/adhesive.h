@@ -23,6 +23,7 @@ namespace adhesim {
 // in compression never. With `kappa_adh`, sigma A_i is replaced by kappa m_i / dt_ref^2.
 // Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it
 // is pressed closer than it was when it let go.
+// With a Bell rate, one in tension also lets go by chance.
 // With friction, a new contact slides (ContactRows) until friction has stopped it, and in
 // compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
 // |lambda_n|.
@@ -63,10 +64,11 @@ class Adhesive {
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
 
   // Releases every colliding particle whose load [#particles, N] exceeds its strength
-  // (`strength_scale` [#tools] multiplies that of tools' bonds). Writes Zone::load. Returns the
-  // number that let go.
+  // (`strength_scale` [#tools] multiplies that of tools' bonds), and those that chance takes in
+  // `chance_s` seconds (0: chance has spoken already). Writes Zone::load. Returns the number that
+  // let go or began to slide.
   int Release(std::span<const Vec3> load_n, const State& state,
-              std::span<const double> strength_scale, Contacts* contacts);
+              std::span<const double> strength_scale, double chance_s, Contacts* contacts);
   // Lets go of everything a tool holds.
   int ReleaseTool(int tool, Contacts* contacts);
 
@@ -84,6 +86,7 @@ class Adhesive {
   struct Demand {
     double ratio;
     bool slides;
+    bool pulled;  // in tension
   };
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
@@ -91,6 +94,8 @@ class Adhesive {
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                  Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
+  bool TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
+                     const Contacts& contacts) const;
   void ShowMembers(Bond* bond) const;
   void RemoveReleased(Contacts* contacts);
   Vec3 BondNormal(const Bond& bond, const State& state) const;

@@ -272,8 +272,8 @@ void Pipeline::Solve(double dt_s) {
       report_.bits |= kStepReleasePasses;
       return;
     }
-    const int released =
-        adhesive_->Release(solver_->load_n(), state_, strength_scale_, &state_.contacts);
+    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
+                                            pass == 0 ? dt_s : 0, &state_.contacts);
     if (released == 0) return;
     report_.releases += released;
     zone_builder_->Rebuild(&state_.contacts, &report_);

@@ -89,7 +89,8 @@ effects:
   }
   const Ledger& ledger = engine->state().ledger;
   EXPECT_LT(ledger.sliding_j, -0.05);
-  // A contact that closes again while its force grows does work of the order dt^2, with either sign.
+  // A contact that closes again while its force grows does work of the order dt^2, with either
+  // sign.
   EXPECT_LT(gained, -1e-3 * ledger.sliding_j);
   EXPECT_LE(IdentityError(ledger), 1e-12);
   Vec3 momentum = Vec3::Zero(), spin = Vec3::Zero(), centre = Vec3::Zero();
