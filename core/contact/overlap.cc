@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/contact/closest_point.h"
+#include "core/model/closest_point.h"
 #include "core/contact/penetration.h"
 
 namespace adhesim {
