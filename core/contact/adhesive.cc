@@ -10,20 +10,13 @@ namespace {
 // Slower than this fraction of d_on per step is round-off, not approach.
 constexpr double kApproach = 1e-9;
 
-std::tuple<int, int, int> Key(const Bond& bond) {
-  return {bond.particle, bond.tool, bond.triangle};
+// The last is the triangle's edge of an edge-edge bond.
+std::tuple<int, int, int, int, int> Key(const Bond& bond) {
+  return {bond.particle, bond.partner, bond.tool, bond.triangle,
+          bond.partner >= 0 ? OppositeCorner(bond.weights) : 0};
 }
 
-bool Insert(const Bond& bond, Contacts* contacts, StepReport* report) {
-  if (contacts->bonds.size() == contacts->bonds.capacity()) {
-    report->bits |= kStepBondCapacity;
-    return false;
-  }
-  const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond,
-                                   [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
-  contacts->bonds.insert(at, bond);
-  return true;
-}
+bool KeyLess(const Bond& a, const Bond& b) { return Key(a) < Key(b); }
 
 bool PairLess(const ReleasedPair& a, const ReleasedPair& b) {
   return a.particle != b.particle ? a.particle < b.particle : a.other < b.other;
@@ -42,6 +35,31 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   bond_released_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   kept_.reserve(4 * model.rest_position_m.size() + 64);
+  edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
+}
+
+bool Adhesive::Insert(const Bond& bond, Contacts* contacts, StepReport* report) {
+  if (contacts->bonds.size() == contacts->bonds.capacity()) {
+    report->bits |= kStepBondCapacity;
+    return false;
+  }
+  contacts->bonds.insert(
+      std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess), bond);
+  return true;
+}
+
+bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
+  const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
+  if (at == contacts->bonds.end() || KeyLess(bond, *at)) return Insert(bond, contacts, report);
+  for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
+  bond.holds_particle |= at->holds_particle;
+  bond.holds_partner |= at->holds_partner;
+  if (bond.vertices == at->vertices && bond.holds_particle == at->holds_particle &&
+      bond.holds_partner == at->holds_partner) {
+    return false;
+  }
+  *at = bond;
+  return true;
 }
 
 const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particle,
@@ -51,6 +69,12 @@ const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particl
       std::lower_bound(contacts.released.begin(), contacts.released.end(), key, PairLess);
   return at != contacts.released.end() && at->particle == particle && at->other == other ? &*at
                                                                                          : nullptr;
+}
+
+// Whether the particle let go of the other side and has not been pressed closer since.
+bool Adhesive::LetGo(int particle, int other, double gap_m, const Contacts& contacts) const {
+  const ReleasedPair* released = FindReleased(contacts, particle, other);
+  return released && gap_m >= released->gap_m;
 }
 
 void Adhesive::AddReleased(int particle, int other, double gap_m, Contacts* contacts) {
@@ -64,26 +88,34 @@ void Adhesive::AddReleased(int particle, int other, double gap_m, Contacts* cont
   }
 }
 
-int Adhesive::Capture(std::span<const NearPair> near, const State& state, double dt_s,
-                      Contacts* contacts, StepReport* report) {
-  // Both lists ascend by (particle, body): keep the released pairs that are still within d_off.
+// Keeps the released pairs that are still within d_off: by the particle itself or by an edge that
+// it is an end of.
+void Adhesive::DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                            Contacts* contacts) {
+  if (contacts->released.empty()) return;
+  ListEdgeEnds(near_edges);
+  // All lists ascend by (particle, body).
   kept_.clear();
   auto pair = near.begin();
+  auto end = edge_near_.begin();
   for (const ReleasedPair& released : contacts->released) {
     if (released.other < 0) {
       kept_.push_back(released);
       continue;
     }
-    while (pair != near.end() &&
-           std::pair(pair->particle, pair->body) < std::pair(released.particle, released.other)) {
-      ++pair;
-    }
+    const std::pair key(released.particle, released.other);
+    while (pair != near.end() && std::pair(pair->particle, pair->body) < key) ++pair;
+    while (end != edge_near_.end() && *end < key) ++end;
     const bool near_enough = pair != near.end() && pair->particle == released.particle &&
                              pair->body == released.other && pair->gap_m <= release_distance_m_;
-    if (near_enough) kept_.push_back(released);
+    if (near_enough || (end != edge_near_.end() && *end == key)) kept_.push_back(released);
   }
   contacts->released.assign(kept_.begin(), kept_.end());
+}
 
+int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                      const State& state, double dt_s, Contacts* contacts, StepReport* report) {
+  DropReleased(near, near_edges, contacts);
   const double still = kApproach * capture_distance_m_ / dt_s;
   int captured = 0;
   for (const NearPair& candidate : near) {
@@ -93,17 +125,7 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
     const double speed = candidate.normal.dot(state.velocity_m_s[candidate.particle] - surface);
     if (candidate.gap_m >= 0 && speed >= -still) continue;
-    const ReleasedPair* released = FindReleased(*contacts, candidate.particle, candidate.body);
-    if (released && candidate.gap_m >= released->gap_m) continue;
-    // One bond a particle and body.
-    const auto first =
-        std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), candidate.particle,
-                         [](const Bond& bond, int p) { return bond.particle < p; });
-    bool bonded = false;
-    for (auto it = first; it != contacts->bonds.end() && it->particle == candidate.particle; ++it) {
-      bonded = bonded || model_.body_of[model_.triangles[it->triangle][0]] == candidate.body;
-    }
-    if (bonded) continue;
+    if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
     Bond bond;
     bond.particle = candidate.particle;
     bond.triangle = candidate.triangle;
@@ -112,12 +134,32 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     bond.gap_m = candidate.gap_m;
     for (int k = 0; k < 3; ++k) {
       bond.weights[k] = candidate.weights(k);
-      bond.vertices[k] = candidate.weights(k) > kMinWeight ? tri[k] : -1;
+      bond.vertices[k] = candidate.weights(k) > LeastWeight(candidate.gap_m) ? tri[k] : -1;
     }
-    captured += Insert(bond, contacts, report);
+    if (IsBonded(candidate, *contacts)) {
+      // Something that is not a member brings them nearer all the same: a corner of little weight,
+      // or another triangle. It becomes one.
+      for (std::int32_t& v : bond.vertices) {
+        if (v >= 0 && LetGo(v, model_.body_of[bond.particle], bond.gap_m, *contacts)) v = -1;
+      }
+      if (InOneZone(bond, *contacts)) continue;
+    }
+    captured += Hold(bond, contacts, report);
   }
+  captured += CaptureEdges(near_edges, state, still, contacts, report);
   report->captures += captured;
   return captured;
+}
+
+bool Adhesive::IsBonded(const NearPair& pair, const Contacts& contacts) const {
+  auto it = std::lower_bound(contacts.bonds.begin(), contacts.bonds.end(), pair.particle,
+                             [](const Bond& bond, int p) { return bond.particle < p; });
+  for (; it != contacts.bonds.end() && it->particle == pair.particle; ++it) {
+    if (it->partner < 0 && model_.body_of[model_.triangles[it->triangle][0]] == pair.body) {
+      return true;
+    }
+  }
+  return false;
 }
 
 bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
@@ -160,8 +202,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
       adds = adds || (eligible && (zone < 0 || contacts->zones[zone].tool != pair.tool));
     }
     if (!adds) continue;
-    const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond,
-                                     [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
+    const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
       // The contact point may have moved: what it held, it keeps.
       for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
@@ -178,6 +219,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
 // From the triangle (or tool) to the particle's (or tissue's) side.
 Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
   if (bond.tool >= 0) return state.tools[bond.tool].pose.orientation * bond.tool_normal;
+  if (bond.partner >= 0) return EdgeNormal(bond, state);
   const Triangle& tri = model_.triangles[bond.triangle];
   const Vec3 &a = state.position_m[tri[0]], &b = state.position_m[tri[1]],
              &c = state.position_m[tri[2]];
@@ -223,7 +265,11 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
   for (const Bond& bond : contacts.bonds) {
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
-    if (bond.particle >= 0) Limits(bond.particle, bond, normal, scale);
+    // Both ends of an edge share its normal as the corners share theirs.
+    if (bond.particle >= 0 && bond.holds_particle)
+      Limits(bond.particle, bond, (1 - bond.partner_weight) * normal, scale);
+    if (bond.partner >= 0 && bond.holds_partner)
+      Limits(bond.partner, bond, bond.partner_weight * normal, scale);
     // A tool's normal already points to the tissue; a triangle's corners are on the other side of
     // theirs.
     const Vec3 corner_normal = bond.tool >= 0 ? normal : Vec3(-normal);
@@ -286,24 +332,31 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
 }
 
 void Adhesive::RemoveReleased(Contacts* contacts) {
-  constexpr std::array<std::int32_t, 3> kNone{-1, -1, -1};
   for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
     Bond& bond = contacts->bonds[b];
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
-    const bool whole = bond_released_[b] || (bond.particle >= 0 && limit_[bond.particle].released);
+    const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
+    const auto lets_go = [&](int p) { return bond_released_[b] || limit_[p].released; };
     for (std::int32_t& v : bond.vertices) {
-      if (v < 0 || !(whole || limit_[v].released)) continue;
-      if (bond_released_[b] || limit_[v].released) {
-        const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
-        AddReleased(v, other, bond.gap_m, contacts);
-      }
+      if (v < 0 || !lets_go(v)) continue;
+      AddReleased(v, other, bond.gap_m, contacts);
       v = -1;
     }
-    if (bond.particle >= 0 && bond.vertices == kNone) {
+    if (bond.tool >= 0) continue;
+    if (bond.holds_particle && lets_go(bond.particle)) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
+      bond.holds_particle = false;
+    }
+    if (bond.holds_partner && lets_go(bond.partner)) {
+      AddReleased(bond.partner, body, bond.gap_m, contacts);
+      bond.holds_partner = false;
+    }
+    // What the other side has left behind.
+    if (bond.holds_particle && !bond.Holds()) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
     }
   }
-  std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.vertices == kNone; });
+  std::erase_if(contacts->bonds, [&](const Bond& bond) { return !bond.Holds(); });
 }
 
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {

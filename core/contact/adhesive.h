@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/contact/detector.h"
@@ -16,7 +17,8 @@ namespace adhesim {
 // (ZoneBuilder).
 //
 // Capture: a pair nearer than d_on that approaches, or is inside, becomes a bond: the particle and
-// those corners of the triangle with a weight above kMinWeight. Release: with lambda_i the force
+// those corners of the triangle with a weight above kMinWeight. So do edges, unless their ends move
+// as one already: then nothing can bring them nearer. Release: with lambda_i the force
 // that the adhesive must carry on a colliding particle and n_i the normal from the opposing body to
 // its own, in tension (lambda_n > 0) it lets go when
 //   (lambda_n / (sigma_n A_i))^2 + (|lambda_t| / (sigma_t A_i))^2 > 1,
@@ -31,8 +33,8 @@ class Adhesive {
 
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
   // the capture rule. Returns the number of new bonds. `dt_s` scales what counts as approaching.
-  int Capture(std::span<const NearPair> near, const State& state, double dt_s, Contacts* contacts,
-              StepReport* report);
+  int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+              const State& state, double dt_s, Contacts* contacts, StepReport* report);
 
   // A triangle near a tool; `normal` points from the tool to the tissue.
   struct NearTool {
@@ -69,6 +71,26 @@ class Adhesive {
   };
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
+  void DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                    Contacts* contacts);
+  void ListEdgeEnds(std::span<const NearEdges> near);
+  int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
+                   Contacts* contacts, StepReport* report);
+  Bond BondOf(const NearEdges& near, const State& state) const;
+  // Adds the bond, or to that of the same features what it has more. True if anything is new.
+  static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
+  static bool Insert(const Bond& bond, Contacts* contacts, StepReport* report);
+  bool IsBonded(const NearPair& pair, const Contacts& contacts) const;
+  bool LetGo(int particle, int other, double gap_m, const Contacts& contacts) const;
+  // Corners and ends with a weight above this become members. What a lighter one does is of no
+  // consequence at first, but may bring the surfaces nearer in time.
+  double LeastWeight(double gap_m) const {
+    return gap_m < 0.5 * capture_distance_m_ ? 0 : kMinWeight;
+  }
+  bool LetGoBefore(const Bond& bond, const Contacts& contacts) const;
+  static bool InOneZone(const Bond& bond, const Contacts& contacts);
+  Vec3 EdgeCross(const Bond& bond, const State& state) const;
+  Vec3 EdgeNormal(const Bond& bond, const State& state) const;
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                  Limit* limit) const;
@@ -86,6 +108,8 @@ class Adhesive {
   std::vector<std::uint8_t> bond_released_;  // [#bonds]
   std::vector<std::uint8_t> touched_;        // [#particles x #tools] within d_off of the tool
   std::vector<ReleasedPair> kept_;
+  std::vector<std::pair<std::int32_t, std::int32_t>>
+      edge_near_;  // (particle, body) of ends of edges within d_off; ascending
 };
 
 }  // namespace adhesim

@@ -70,7 +70,10 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
       if ((bond.tool >= 0) != tools) continue;
-      const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
+      const int anchor = tools                 ? ToolNode(bond.tool)
+                         : bond.holds_particle ? bond.particle
+                                               : bond.partner;
+      if (bond.holds_particle && bond.holds_partner) Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
         if (v < 0) continue;
         if (Unite(anchor, v)) {
@@ -82,12 +85,8 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
       }
     }
   }
-  std::erase_if(contacts->bonds, [](const Bond& bond) {
-    return bond.vertices[0] < 0 && bond.vertices[1] < 0 && bond.vertices[2] < 0;
-  });
-  for (const Bond& bond : contacts->bonds) {
-    if (bond.particle >= 0) member_[bond.particle] = 1;
-  }
+  std::erase_if(contacts->bonds, [](const Bond& bond) { return !bond.Holds(); });
+  for (const Bond& bond : contacts->bonds) bond.ForEachMember([&](int p) { member_[p] = 1; });
   contacts->colliding_particles = static_cast<int>(std::count(member_.begin(), member_.end(), 1));
 }
 
