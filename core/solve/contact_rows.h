@@ -59,10 +59,22 @@ class ContactRows {
     std::array<double, 3> mobility;                    // 1/kg; normal, and the larger tangential
     Vec3 impulse = Vec3::Zero();                       // N s along the three
     double least_speed_m_s;                            // along the normal
-    bool touches;
-    double tension_ns, shear_ns;  // what the adhesive carries
+    bool touches;                                      // near enough for the adhesive
+    double tension_ns, shear_ns;                       // what the adhesive carries
   };
   Row MakeRow(int bond, const State& state, const Motion& motion, double dt_s) const;
+  // Rows between two bodies, and what the adhesive carries on the particles of either side.
+  struct Interface {
+    std::int32_t first, second;  // bodies, first < second
+    std::array<BondLimit, 2> limit;
+  };
+  Interface& InterfaceOf(const Bond& bond);
+  void ShareLimits(const State& state, double dt_s);
+  struct Nodes {
+    std::array<std::int32_t, kNodes> particle;
+    std::array<double, kNodes> weight;
+  };
+  static Nodes NodesOf(const Bond& bond, const Triangle& tri, const Vec3& weights);
   BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
                        Vec3* weights) const;
   Vec3 Velocity(int particle, const State& state, const Motion& motion) const;
@@ -75,7 +87,8 @@ class ContactRows {
   const Model& model_;
   std::vector<Row> rows_;
   std::vector<Verdict> verdicts_;
-  std::vector<Vec3> impulse_ns_;  // [#particles]
+  std::vector<Interface> interfaces_;  // ascending
+  std::vector<Vec3> impulse_ns_;       // [#particles]
   std::vector<std::int32_t> acted_;
   std::vector<std::uint8_t> stamp_;  // [#particles] in acted_ already
 };
