@@ -87,6 +87,7 @@ absl::Status Measure(const Arguments& arguments, Engine* engine, InstantWriter* 
   StudyOptions options;
   options.duration_s = report->duration_s;
   options.samples = arguments.quick ? kQuickSamples : kSamples;
+  if (figure.story == Story::kRolls) options.rolling_body = "ball";
   options.instants.assign(figure.instants.begin(), figure.instants.end());
   options.at_instant = [&] {
     if (writer != nullptr) writer->Write();

@@ -35,7 +35,7 @@ a { color: var(--s0); }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .92rem; margin: .6rem 0; }
 caption { text-align: left; color: var(--soft); padding-bottom: .3rem; }
-th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--rule);
+th, td { text-align: left; padding: .3rem 1.2rem .3rem 0; border-bottom: 1px solid var(--rule);
   vertical-align: top; }
 th { font-weight: 600; }
 tbody th { font-weight: 400; }
@@ -47,7 +47,7 @@ tbody th { font-weight: 400; }
   margin: .8rem 0; }
 .plots { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr));
   margin: .8rem 0; }
-figure { margin: 0; background: var(--card); border: 1px solid var(--rule); border-radius: 6px; padding: .6rem; }
+figure { margin: 0; max-width: 42rem; background: var(--card); border: 1px solid var(--rule); border-radius: 6px; padding: .6rem; }
 figure img { width: 100%; height: auto; display: block; border-radius: 3px; }
 figcaption { font-size: .88rem; color: var(--soft); }
 .plots figcaption { color: var(--ink); font-weight: 600; margin-bottom: .2rem; }

@@ -110,6 +110,16 @@ std::vector<Plot> FigurePlots(const FigureReport& report) {
       plots.push_back(std::move(plot));
       break;
     }
+    case Story::kRolls: {
+      Plot plot = OverTime("Rolling", "m");
+      plot.series.push_back(
+          Curve("way of the centre", study, [](const StudySample& s) { return s.travel_m; }));
+      plot.series.push_back(
+          Curve("rolled arc", study, [](const StudySample& s) { return s.rolled_m; }));
+      plot.series.back().dashed = true;
+      plots.push_back(std::move(plot));
+      break;
+    }
   }
   return plots;
 }

@@ -68,6 +68,11 @@ Json SampleJson(const StudySample& sample, int particles) {
                {"viscous_j", sample.viscous_j},
                {"radius_m", sample.radius_m}};
   if (sample.separation_m) json["separation_m"] = *sample.separation_m;
+  if (sample.revolutions) {
+    json["revolutions"] = *sample.revolutions;
+    json["travel_m"] = *sample.travel_m;
+    json["slip_m"] = *sample.slip_m;
+  }
   if (sample.mean_gap_m) json["mean_gap_m"] = *sample.mean_gap_m;
   if (sample.volume_error) json["volume_error"] = *sample.volume_error;
   if (sample.max_depth_m) json["max_depth_m"] = *sample.max_depth_m;

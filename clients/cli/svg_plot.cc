@@ -15,7 +15,7 @@ namespace {
 
 // Pixels of the view box; the page scales it.
 constexpr double kWidth = 520, kPlotHeight = 230;
-constexpr double kLeft = 66, kRight = 14, kTop = 8, kBottom = 44, kLegendRow = 18;
+constexpr double kLeft = 66, kRight = 24, kTop = 8, kBottom = 44, kLegendRow = 18;
 constexpr double kCharacter = 6.4;  // mean width of a letter, for the legend's rows
 constexpr int kColours = 5;
 constexpr int kTicks = 5;
@@ -119,6 +119,8 @@ std::vector<double> Ticks(const Axis& axis) {
   return ticks;
 }
 
+std::string TickText(double v) { return absl::StrFormat("%.6g", v); }
+
 std::string Pixel(double v) { return absl::StrFormat("%.1f", v); }
 
 std::string DrawAxes(const Plot& plot, const Axis& x, const Axis& y) {
@@ -128,14 +130,14 @@ std::string DrawAxes(const Plot& plot, const Axis& x, const Axis& y) {
     absl::StrAppend(&svg, "<line class=\"grid\" x1=\"", Pixel(x.from_px), "\" x2=\"",
                     Pixel(x.to_px), "\" y1=\"", at, "\" y2=\"", at, "\"/><text class=\"tick\" x=\"",
                     Pixel(x.from_px - 6), "\" y=\"", Pixel(y.Pixel(v) + 4),
-                    "\" text-anchor=\"end\">", absl::StrFormat("%.4g", v), "</text>\n");
+                    "\" text-anchor=\"end\">", TickText(v), "</text>\n");
   }
   for (const double v : Ticks(x)) {
     const std::string at = Pixel(x.Pixel(v));
     absl::StrAppend(&svg, "<line class=\"grid\" x1=\"", at, "\" x2=\"", at, "\" y1=\"",
                     Pixel(y.from_px), "\" y2=\"", Pixel(y.to_px), "\"/><text class=\"tick\" x=\"",
-                    at, "\" y=\"", Pixel(y.from_px + 16), "\" text-anchor=\"middle\">",
-                    absl::StrFormat("%.4g", v), "</text>\n");
+                    at, "\" y=\"", Pixel(y.from_px + 16), "\" text-anchor=\"middle\">", TickText(v),
+                    "</text>\n");
   }
   const double middle = 0.5 * (y.from_px + y.to_px);
   absl::StrAppend(&svg, "<polyline class=\"axis\" points=\"", Pixel(x.from_px), ",", Pixel(y.to_px),

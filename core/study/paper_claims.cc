@@ -10,14 +10,15 @@ namespace adhesim {
 namespace {
 
 // Limits that the issue or the design's pages set.
-constexpr double kCaptureShare = 0.02;   // d_on over the smallest radius
-constexpr double kContactShare = 1e-9;   // what contact may add, of E_ref
-constexpr double kWholeShare = 0.01;     // what an explicit step may have above what it got
-constexpr double kIdentity = 1e-9;       // of the ledger
-constexpr double kMomentum = 1e-10;      // of the balances
-constexpr double kVolume = 1e-9;         // exact preservation stops its iteration at 1e-12
-constexpr double kRadiusShare = 0.75;    // an aggregate's radius at the end, of the first
-constexpr double kPlateauShare = 0.02;   // of the fall, still to come in the last quarter
+constexpr double kCaptureShare = 0.02;  // d_on over the smallest radius
+constexpr double kContactShare = 1e-9;  // what contact may add, of E_ref
+constexpr double kWholeShare = 0.01;    // what an explicit step may have above what it got
+constexpr double kIdentity = 1e-9;      // of the ledger
+constexpr double kMomentum = 1e-10;     // of the balances
+constexpr double kVolume = 1e-9;        // exact preservation stops its iteration at 1e-12
+constexpr double kRadiusShare = 0.75;   // an aggregate's radius at the end, of the first
+constexpr double kPlateauShare = 0.02;  // of the fall, still to come in the last quarter
+constexpr double kSlipShare = 0.05;
 constexpr double kLimitRoundOff = 1e-9;  // 12 mm of 0.6 m is 2 %
 
 class Judge {
@@ -148,6 +149,17 @@ void JudgeAggregate(Judge* judge) {
   }
 }
 
+void JudgeRolling(Judge* judge) {
+  const StudySample& last = judge->study().samples.back();
+  // A scene without a ball that rolls has rolled nowhere.
+  judge->AddLast("revolutions", "revolutions of the ball", "", last.revolutions.value_or(0),
+                 Relation::kAtLeast, 1);
+  const double travel_m = last.travel_m.value_or(0);
+  judge->AddLast("slip", "slip of the ball over its travel", "",
+                 travel_m > 0 ? last.slip_m.value_or(0) / travel_m : 1, Relation::kAtMost,
+                 kSlipShare);
+}
+
 void JudgeStory(const PaperFigure& figure, Judge* judge) {
   const PaperStudy& study = judge->study();
   switch (figure.story) {
@@ -165,6 +177,9 @@ void JudgeStory(const PaperFigure& figure, Judge* judge) {
       return;
     case Story::kAggregates:
       JudgeAggregate(judge);
+      return;
+    case Story::kRolls:
+      JudgeRolling(judge);
       return;
   }
 }

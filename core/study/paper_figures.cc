@@ -7,6 +7,7 @@ namespace {
 
 // Fractions of the duration at which pictures are taken.
 constexpr std::array<double, 4> kFourEven = {0, 1.0 / 3, 2.0 / 3, 1};
+constexpr std::array<double, 4> kFig3 = {0, 1.0 / 6, 1.0 / 3, 1};
 constexpr std::array<double, 4> kFig6 = {0, 0.25, 0.5, 1};  // t = 0, 100, 200 and 400 s
 
 constexpr std::string_view kEven = "the paper gives no times; evenly spread here";

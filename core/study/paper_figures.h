@@ -12,6 +12,7 @@ enum class Story {
   kEndsTogether,  // bodies that met still touch at the end
   kEndsApart,     // bodies that met have parted at the end
   kAggregates,    // more and more particles in contact, the whole ever denser
+  kRolls,         // the body named `ball` rolls
 };
 
 // One experiment of the paper (Carra, Martiel, Promayon, VRIPHYS 2007, section 5), or one of what

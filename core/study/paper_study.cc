@@ -8,6 +8,7 @@
 
 #include "core/contact/penetration.h"
 #include "core/model/diagnostics.h"
+#include "core/study/rolling.h"
 
 namespace adhesim {
 namespace {
@@ -127,6 +128,11 @@ class Study {
     if (model_.adhesive) result_.capture_distance_m = model_.adhesive->capture_distance_m;
     result_.smallest_radius_m = SmallestRadius(model_);
     may_overlap_ = MayOverlap(model_);
+    for (const Body& body : model_.bodies) {
+      if (body.closed && body.name == options.rolling_body) {
+        rolling_.emplace(model_, body, engine->state());
+      }
+    }
   }
 
   PaperStudy Run() {
@@ -191,6 +197,13 @@ class Study {
       };
       sample.separation_m = (centre(model_.bodies[0]) - centre(model_.bodies[1])).norm();
     }
+    if (rolling_) {
+      rolling_->Sample(state);
+      sample.revolutions = rolling_->revolutions();
+      sample.rolled_m = rolling_->rolled_m();
+      sample.travel_m = rolling_->travel_m();
+      sample.slip_m = rolling_->slip_m();
+    }
     sample.group_bodies = LargestGroup(model_, state);
     sample.mean_gap_m = MeanGap(model_, state);
     sample.volume_error = VolumeError(model_, state);
@@ -237,6 +250,7 @@ class Study {
   const StudyOptions& options_;
   PaperStudy result_;
   bool may_overlap_ = false;
+  std::optional<RollingMeter> rolling_;
   std::vector<double> recent_ms_, second_half_ms_;
   double second_half_colliding_ = 0;
   double contact_added_j_ = 0;

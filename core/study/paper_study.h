@@ -23,7 +23,9 @@ struct StudySample {
   double radius_m = 0;                 // of gyration, about the centre of mass
   std::optional<double> separation_m;  // between the centres of the first two bodies
   int group_bodies = 0;                // in the largest group of bodies that hold each other
-  std::optional<double> mean_gap_m;    // of the pairs that hold each other now
+  // Of the rolling body since the start.
+  std::optional<double> revolutions, rolled_m, travel_m, slip_m;
+  std::optional<double> mean_gap_m;  // of the pairs that hold each other now
   std::optional<double> volume_error;
   // Sampled more rarely in large scenes, and only where a body is closed.
   std::optional<double> max_depth_m;
