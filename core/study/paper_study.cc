@@ -113,6 +113,7 @@ bool MayOverlap(const Model& model) {
 // What contact gained from one step to the next where it may only lose.
 double Gain(const Ledger& before, const Ledger& after) {
   return std::max(0.0, before.captured_j - after.captured_j) +
+         std::max(0.0, after.sliding_j - before.sliding_j) +
          std::max(0.0, after.rotation_j - before.rotation_j) +
          std::max(0.0, after.correction_j - before.correction_j);
 }

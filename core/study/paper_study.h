@@ -60,6 +60,7 @@ struct PaperStudy {
 struct StudyOptions {
   double duration_s = 1;
   int samples = 200;                           // after the start
+  std::string rolling_body;                    // see RollingMeter; empty, or no closed body: none
   std::vector<double> instants;                // fractions of the duration, ascending
   std::function<void()> at_instant = nullptr;  // when the engine is there; its time is nobody's
   std::function<bool()> stop = nullptr;
@@ -67,8 +68,8 @@ struct StudyOptions {
 
 // Runs an engine that is at its start, on the calling thread, until the end, a non-finite state, or
 // `stop`. What contact added is the sum over steps of what it gained where it may only lose: less
-// captured_j than before (an orthogonal projection takes energy, physics notes 3.2), rotation of
-// zones, corrections of positions.
+// captured_j than before (an orthogonal projection takes energy, physics notes 3.2), work of
+// sliding contacts above 0, rotation of zones, corrections of positions.
 PaperStudy RunPaperStudy(Engine* engine, const StudyOptions& options);
 
 }  // namespace adhesim
