@@ -11,6 +11,8 @@ constexpr std::array<double, 4> kFig3 = {0, 1.0 / 6, 1.0 / 3, 1};
 constexpr std::array<double, 4> kFig6 = {0, 0.25, 0.5, 1};  // t = 0, 100, 200 and 400 s
 
 constexpr std::string_view kEven = "the paper gives no times; evenly spread here";
+constexpr std::string_view kFig3Note =
+    "the paper gives no times; chosen where the pair meets, parts or holds, and ends";
 constexpr std::string_view kFig6Note =
     "the paper's t = 0, 100, 200 and 400 s as fractions of 400 s";
 
@@ -35,9 +37,9 @@ constexpr PaperFigure kFigures[] = {
         .title = "Two very adhesive cells",
         .paper_says = "The spheres collide, slide on one another, and are still in contact in "
                       "the last picture.",
-        .duration_s = 4,
-        .instants = kFourEven,
-        .instants_note = kEven,
+        .duration_s = 5,
+        .instants = kFig3,
+        .instants_note = kFig3Note,
         .particles = 84,
         .triangles = 160,
         .paper_ms = 10,
@@ -50,9 +52,9 @@ constexpr PaperFigure kFigures[] = {
         .figure = "Fig. 3, bottom",
         .title = "Two less sticky cells",
         .paper_says = "The same with a lower strength: in the last picture they have parted.",
-        .duration_s = 4,
-        .instants = kFourEven,
-        .instants_note = kEven,
+        .duration_s = 5,
+        .instants = kFig3,
+        .instants_note = kFig3Note,
         .particles = 84,
         .triangles = 160,
         .paper_ms = 2,
@@ -66,7 +68,7 @@ constexpr PaperFigure kFigures[] = {
         .title = "25 cells aggregate",
         .paper_says = "Cells regroup little by little into one aggregate, with no empty space "
                       "inside; the share of colliding particles rises.",
-        .duration_s = 8,
+        .duration_s = 4,
         .instants = kFig6,
         .instants_note = kFig6Note,
         .particles = 1050,

@@ -69,7 +69,8 @@ struct StudyOptions {
 // Runs an engine that is at its start, on the calling thread, until the end, a non-finite state, or
 // `stop`. What contact added is the sum over steps of what it gained where it may only lose: less
 // captured_j than before (an orthogonal projection takes energy, physics notes 3.2), work of
-// sliding contacts above 0, rotation of zones, corrections of positions.
+// sliding contacts above 0, rotation of zones, corrections of positions. Gains of one step are
+// not set off against losses of another.
 PaperStudy RunPaperStudy(Engine* engine, const StudyOptions& options);
 
 }  // namespace adhesim
