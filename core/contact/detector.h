@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "core/contact/closest_point.h"
+#include "core/model/closest_point.h"
 #include "core/contact/triangle_tree.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"

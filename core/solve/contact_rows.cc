@@ -4,12 +4,15 @@
 #include <cmath>
 
 #include "core/model/bond_geometry.h"
+#include "core/model/closest_point.h"
 
 namespace adhesim {
 namespace {
 
 // Sliding ends when a step moves the surfaces by less than this share of the capture distance.
 constexpr double kStill = 1e-4;
+// What is further apart than contacts rest by no more than this share of that touches.
+constexpr double kTouches = 1e-3;
 
 }  // namespace
 
@@ -23,14 +26,14 @@ ContactRows::ContactRows(const Model& model) : model_(model) {
   stamp_.assign(n, 0);
 }
 
-void ContactRows::Collect(const State& state, std::span<const RigidGroup> groups, double dt_s) {
+void ContactRows::Collect(const State& state, const Motion& motion, double dt_s) {
   for (int p : acted_) impulse_ns_[p].setZero();
   acted_.clear();
   rows_.clear();
-  if (impulse_ns_.empty()) return;
+  if (!possible()) return;
   for (std::size_t b = 0; b < state.contacts.bonds.size(); ++b) {
     if (!state.contacts.bonds[b].sliding || rows_.size() == rows_.capacity()) continue;
-    rows_.push_back(MakeRow(static_cast<int>(b), state, groups, dt_s));
+    rows_.push_back(MakeRow(static_cast<int>(b), state, motion, dt_s));
   }
   for (const Row& row : rows_) {
     for (int p : row.particle) {
@@ -43,18 +46,45 @@ void ContactRows::Collect(const State& state, std::span<const RigidGroup> groups
   std::sort(acted_.begin(), acted_.end());
 }
 
-ContactRows::Row ContactRows::MakeRow(int b, const State& state, std::span<const RigidGroup> groups,
+Vec3 ContactRows::Velocity(int p, const State& state, const Motion& motion) const {
+  if (model_.fixed[p]) return Vec3::Zero();
+  const int zone = state.contacts.zone_of[p];
+  return zone < 0 ? motion.velocity_m_s[p] : motion.groups[zone].VelocityAt(state.position_m[p]);
+}
+
+// Where the contact will be if velocities stay as they are: a particle that moves around an edge
+// must not be stopped by the plane that stands across its way now.
+BondGeometry ContactRows::Predict(const Bond& bond, const BondGeometry& now, const State& state,
+                                  double dt_s, Vec3* weights) const {
+  const auto moved = [&](int p) {
+    return model_.fixed[p] ? state.position_m[p]
+                           : Vec3(state.position_m[p] + dt_s * state.velocity_m_s[p]);
+  };
+  const Triangle& tri = model_.triangles[bond.triangle];
+  const Vec3 x = moved(bond.particle), a = moved(tri[0]), b = moved(tri[1]), c = moved(tri[2]);
+  *weights = ClosestPointOnTriangle(x, a, b, c).weights;
+  const Vec3 offset = x - ((*weights)(0) * a + (*weights)(1) * b + (*weights)(2) * c);
+  const double distance = offset.norm();
+  const double sign = offset.dot(now.normal) < 0 ? -1 : 1;
+  BondGeometry then{x, now.normal, sign * distance};
+  if (distance > 1e-3 * model_.adhesive->capture_distance_m)
+    then.normal = offset * (sign / distance);
+  return then;
+}
+
+ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& motion,
                                       double dt_s) const {
   const Bond& bond = state.contacts.bonds[b];
   const AdhesiveParameters& adhesive = *model_.adhesive;
-  const BondGeometry geometry = GeometryOf(bond, model_, state.position_m);
+  const BondGeometry now = GeometryOf(bond, model_, state.position_m);
+  Vec3 weights;
+  const BondGeometry then = Predict(bond, now, state, dt_s, &weights);
   const Triangle& tri = model_.triangles[bond.triangle];
   Row row;
   row.bond = b;
   row.particle = {bond.particle, tri[0], tri[1], tri[2]};
-  const std::array<double, kNodes> weight = {1, -bond.weights[0], -bond.weights[1],
-                                             -bond.weights[2]};
-  const Vec3& n = geometry.normal;
+  const std::array<double, kNodes> weight = {1, -weights(0), -weights(1), -weights(2)};
+  const Vec3& n = then.normal;
   const Vec3 t = n.unitOrthogonal();
   const std::array<Vec3, 3> direction = {n, t, n.cross(t)};
 
@@ -78,12 +108,20 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, std::span<const
     for (int i = 0; i < kNodes; ++i) {
       row.gradient[k][i] -= turn.cross(Vec3(state.position_m[row.particle[i]] - centre));
     }
-    row.mobility[k] = Mobility(row, k, state, groups);
+    row.mobility[k] = Mobility(row, k, state, motion.groups);
   }
   // One value for both tangents: the impulse is clipped to a disc, not to a box.
   row.mobility[1] = row.mobility[2] = std::max(row.mobility[1], row.mobility[2]);
-  const double room_m = geometry.gap_m - 0.5 * adhesive.capture_distance_m;
-  row.approach_m_s = room_m > 0 ? -room_m / dt_s : 0;
+  const double rest_m = 0.5 * adhesive.capture_distance_m;
+  row.touches = now.gap_m <= (1 + kTouches) * rest_m;
+  // At the end of the sub-step the gap shall be no less than at rest, or than now and a little
+  // more.
+  double going = 0;
+  for (int i = 0; i < kNodes; ++i) {
+    if (!model_.fixed[row.particle[i]])
+      going += row.gradient[0][i].dot(state.velocity_m_s[row.particle[i]]);
+  }
+  row.least_speed_m_s = std::min(0.0, going - (then.gap_m - std::min(rest_m, now.gap_m)) / dt_s);
   const BondLimit limit =
       LimitOf(adhesive, model_.area_m2[bond.particle], model_.mass_kg[bond.particle]);
   row.tension_ns = limit.normal_n * dt_s;
@@ -124,11 +162,7 @@ double ContactRows::Speed(const Row& row, int direction, const State& state,
                           const Motion& motion) const {
   double speed = 0;
   for (int i = 0; i < kNodes; ++i) {
-    const int p = row.particle[i];
-    if (model_.fixed[p]) continue;
-    const int zone = state.contacts.zone_of[p];
-    speed += row.gradient[direction][i].dot(
-        zone < 0 ? motion.velocity_m_s[p] : motion.groups[zone].VelocityAt(state.position_m[p]));
+    speed += row.gradient[direction][i].dot(Velocity(row.particle[i], state, motion));
   }
   return speed;
 }
@@ -156,16 +190,17 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
   for (Row& row : rows_) {
     if (row.mobility[0] > 0) {
       const double speed = Speed(row, 0, state, motion);
-      const double push = row.impulse(0) + (row.approach_m_s - speed) / row.mobility[0];
+      const double push = row.impulse(0) + (row.least_speed_m_s - speed) / row.mobility[0];
       const double pull = row.impulse(0) - speed / row.mobility[0];
-      const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -row.tension_ns);
+      const double tension = row.touches ? row.tension_ns : 0;
+      const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -tension);
       Apply(row, 0, impulse - row.impulse(0), state, motion);
       row.impulse(0) = impulse;
     }
     if (!(row.mobility[1] > 0)) continue;
     // The adhesive acts across what touches only.
-    const bool touches = row.impulse(0) != 0 || row.approach_m_s == 0;
-    const double limit = touches ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
+    const double limit =
+        row.touches || row.impulse(0) > 0 ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
     Eigen::Vector2d rubbing{row.impulse(1) - Speed(row, 1, state, motion) / row.mobility[1],
                             row.impulse(2) - Speed(row, 2, state, motion) / row.mobility[1]};
     const double size = rubbing.norm();
@@ -190,7 +225,7 @@ std::span<const ContactRows::Verdict> ContactRows::Judge(const State& state, con
     Outcome outcome = Outcome::kSlides;
     if (row.tension_ns > 0 && row.impulse(0) <= -row.tension_ns) {
       outcome = Outcome::kParts;
-    } else if (row.impulse(0) == 0 && row.approach_m_s < 0) {
+    } else if (row.impulse(0) == 0 && !row.touches) {
       outcome = Outcome::kApart;
     } else if (friction < limit && sliding < still) {
       outcome = Outcome::kSticks;
