@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -56,6 +57,7 @@ struct Arguments {
   std::string json;
   double seconds = 0;  // instead of each scene's, when positive
   int repeats = 0;     // likewise
+  Simd simd = BestSimd();
 };
 
 struct Row {
@@ -173,8 +175,8 @@ int Main(const Arguments& arguments) {
     const double seconds = arguments.seconds > 0 ? arguments.seconds : entry.seconds;
     row.steps = std::max(2, static_cast<int>(std::lround(seconds / row.model->dt_s)));
     absl::StatusOr<Result> result = Compare(
-        row.model,
-        {row.steps, row.steps / 2, arguments.repeats > 0 ? arguments.repeats : entry.repeats});
+        row.model, {row.steps, row.steps / 2,
+                    arguments.repeats > 0 ? arguments.repeats : entry.repeats, arguments.simd});
     if (!result.ok()) {
       std::cerr << "bench: " << entry.path << ": " << result.status() << "\n";
       return 1;
@@ -187,13 +189,13 @@ int Main(const Arguments& arguments) {
     std::cerr << "bench: no scene to run\n";
     return 2;
   }
-  Json report = {{"simd", SimdTarget()},
+  Json report = {{"simd", SimdName(arguments.simd)},
                  {"load_before", load_before},
                  {"load_after", Load1()},
                  {"scenes", Json::array()}};
   for (const Row& row : rows) report["scenes"].push_back(ToJson(row));
   std::cout << absl::StrFormat("load average %.2f before, %.2f after; %s\n", load_before,
-                               report["load_after"].get<double>(), SimdTarget());
+                               report["load_after"].get<double>(), SimdName(arguments.simd));
   if (const std::optional<double> exponent = Growth(rows)) {
     report["growth_exponent"] = *exponent;
     std::cout << absl::StrFormat("growth from 25 to 2,500 cells: exponent %.3f\n", *exponent);
@@ -222,6 +224,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1e-3, 1e4));
   app.add_option("--repeats", arguments.repeats, "Repeats instead of each scene's own")
       ->check(CLI::Range(1, 1000));
+  std::map<std::string, adhesim::Simd> targets;
+  for (adhesim::Simd simd : adhesim::AvailableSimd()) targets[adhesim::SimdName(simd)] = simd;
+  app.add_option("--simd", arguments.simd, "Instruction set of our engine instead of the best")
+      ->transform(CLI::CheckedTransformer(targets));
   app.add_option("--json", arguments.json, "Writes the figures to this file")->type_name("FILE");
   try {
     app.parse(argc, argv);

@@ -63,7 +63,8 @@ void StepBullet(BulletSoftWorld* bullet, int from, int to, int measure_from, Run
 
 absl::StatusOr<Run> RunBoth(const std::shared_ptr<const Model>& model, const DuelOptions& options,
                             Result* result) {
-  absl::StatusOr<std::unique_ptr<Engine>> engine = Engine::Create(model, {.threads = 1});
+  absl::StatusOr<std::unique_ptr<Engine>> engine =
+      Engine::Create(model, {.threads = 1, .simd = options.simd});
   if (!engine.ok()) return engine.status();
   const std::unique_ptr<BulletSoftWorld> bullet = BulletSoftWorld::Create(*model);
   (*engine)->TimeStages(options.steps - options.measure_from);

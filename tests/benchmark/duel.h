@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/model/simd.h"
 
 namespace adhesim::bench {
 
@@ -38,6 +39,7 @@ struct DuelOptions {
   int steps = 0;         // of each run
   int measure_from = 0;  // < steps
   int repeats = 1;
+  Simd simd = BestSimd();  // of our engine
 };
 
 // Runs both: chunks of steps of one and of the other in turn, so that a slow moment of the machine

@@ -168,15 +168,16 @@ void ClusterForm::EvaluateBatch(int b, const ForceInput& in) const {
   double* stored = &in.effect_state[4 * kLanes * b];
   Lanes rotation[4];
   std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
-  const unsigned failed = EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s,
-                                           stiffness_n_m_, damping_n_s_m_, rotation, forces);
+  const unsigned failed =
+      EvaluateClusters(in.parallel->simd(), batch, entries, in.position_m, in.velocity_m_s,
+                       stiffness_n_m_, damping_n_s_m_, rotation, forces);
   if (failed != 0) {
     // Tumbling or inverted: start afresh where the maximum is, and go on from there.
     for (int lane = 0; lane < kLanes; ++lane) {
       if (failed & (1u << lane)) RestartRotation(b, lane, in.position_m, rotation);
     }
-    EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s, stiffness_n_m_, damping_n_s_m_,
-                     rotation, forces);
+    EvaluateClusters(in.parallel->simd(), batch, entries, in.position_m, in.velocity_m_s,
+                     stiffness_n_m_, damping_n_s_m_, rotation, forces);
   }
   std::memcpy(stored, rotation, sizeof(rotation));
 }

@@ -9,7 +9,7 @@ namespace adhesim {
 
 // E_i = 1/2 k sum_j w_j |x_j - C_i - R_i q_j|^2 over a particle and its neighbours, C_i their mean,
 // q_j their offsets at rest, R_i the best rotation, w_j = 1 / #cluster. R_i minimises E_i, so that
-// f_j = -k w_j (...) is the exact gradient and both momenta are conserved. Eight clusters at a time
+// f_j = -k w_j (...) is the exact gradient and both momenta are conserved. Eight clusters a batch
 // (cluster_batch.h).
 class ClusterForm : public Effect {
  public:
