@@ -12,21 +12,16 @@ namespace {
 
 // Slower than this fraction of d_on per step is round-off, not approach.
 constexpr double kApproach = 1e-9;
+// Less than this share of d_on is not closer: a zone keeps gaps, but for round-off.
+constexpr double kCloser = 1e-6;
 
-std::tuple<int, int, int> Key(const Bond& bond) {
-  return {bond.particle, bond.tool, bond.triangle};
+// The last is the triangle's edge of an edge-edge bond.
+std::tuple<int, int, int, int, int> Key(const Bond& bond) {
+  return {bond.particle, bond.partner, bond.tool, bond.triangle,
+          bond.partner >= 0 ? OppositeCorner(bond.weights) : 0};
 }
 
-bool Insert(const Bond& bond, Contacts* contacts, StepReport* report) {
-  if (contacts->bonds.size() == contacts->bonds.capacity()) {
-    report->bits |= kStepBondCapacity;
-    return false;
-  }
-  const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond,
-                                   [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
-  contacts->bonds.insert(at, bond);
-  return true;
-}
+bool KeyLess(const Bond& a, const Bond& b) { return Key(a) < Key(b); }
 
 bool PairLess(const ReleasedPair& a, const ReleasedPair& b) {
   return a.particle != b.particle ? a.particle < b.particle : a.other < b.other;
@@ -44,7 +39,38 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   limit_.resize(model.rest_position_m.size());
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
+  calm_.reserve(4 * model.rest_position_m.size() + 64);
   kept_.reserve(4 * model.rest_position_m.size() + 64);
+  edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
+}
+
+bool Adhesive::Insert(const Bond& bond, Contacts* contacts, StepReport* report) {
+  if (contacts->bonds.size() == contacts->bonds.capacity()) {
+    report->bits |= kStepBondCapacity;
+    return false;
+  }
+  contacts->bonds.insert(
+      std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess), bond);
+  return true;
+}
+
+bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
+  const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
+  if (at == contacts->bonds.end() || KeyLess(bond, *at)) return Insert(bond, contacts, report);
+  if (at->sliding) {
+    bond.calm = at->calm;
+    *at = bond;
+    return false;
+  }
+  for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
+  bond.holds_particle |= at->holds_particle;
+  bond.holds_partner |= at->holds_partner;
+  if (bond.vertices == at->vertices && bond.holds_particle == at->holds_particle &&
+      bond.holds_partner == at->holds_partner) {
+    return false;
+  }
+  *at = bond;
+  return true;
 }
 
 const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particle,
@@ -56,37 +82,51 @@ const ReleasedPair* Adhesive::FindReleased(const Contacts& contacts, int particl
                                                                                          : nullptr;
 }
 
+// Whether the particle let go of the other side and has not been pressed closer since.
+bool Adhesive::LetGo(int particle, int other, double gap_m, const Contacts& contacts) const {
+  const ReleasedPair* released = FindReleased(contacts, particle, other);
+  return released && gap_m >= released->gap_m - kCloser * capture_distance_m_;
+}
+
 void Adhesive::AddReleased(int particle, int other, double gap_m, Contacts* contacts) {
   const ReleasedPair pair{particle, other, gap_m};
   const auto at =
       std::lower_bound(contacts->released.begin(), contacts->released.end(), pair, PairLess);
   if (at != contacts->released.end() && at->particle == particle && at->other == other) {
-    at->gap_m = gap_m;
+    at->gap_m = std::min(at->gap_m, gap_m);  // of all its bonds, whatever their order
   } else if (contacts->released.size() < contacts->released.capacity()) {
     contacts->released.insert(at, pair);
   }
 }
 
-int Adhesive::Capture(std::span<const NearPair> near, const State& state, double dt_s,
-                      Contacts* contacts, StepReport* report) {
-  // Both lists ascend by (particle, body): keep the released pairs that are still within d_off.
+// Keeps the released pairs that are still within d_off: by the particle itself or by an edge that
+// it is an end of.
+void Adhesive::DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                            Contacts* contacts) {
+  if (contacts->released.empty()) return;
+  ListEdgeEnds(near_edges);
+  // All lists ascend by (particle, body).
   kept_.clear();
   auto pair = near.begin();
+  auto end = edge_near_.begin();
   for (const ReleasedPair& released : contacts->released) {
     if (released.other < 0) {
       kept_.push_back(released);
       continue;
     }
-    while (pair != near.end() &&
-           std::pair(pair->particle, pair->body) < std::pair(released.particle, released.other)) {
-      ++pair;
-    }
+    const std::pair key(released.particle, released.other);
+    while (pair != near.end() && std::pair(pair->particle, pair->body) < key) ++pair;
+    while (end != edge_near_.end() && *end < key) ++end;
     const bool near_enough = pair != near.end() && pair->particle == released.particle &&
                              pair->body == released.other && pair->gap_m <= release_distance_m_;
-    if (near_enough) kept_.push_back(released);
+    if (near_enough || (end != edge_near_.end() && *end == key)) kept_.push_back(released);
   }
   contacts->released.assign(kept_.begin(), kept_.end());
+}
 
+int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                      const State& state, double dt_s, Contacts* contacts, StepReport* report) {
+  DropReleased(near, near_edges, contacts);
   const double still = kApproach * capture_distance_m_ / dt_s;
   int captured = 0;
   for (const NearPair& candidate : near) {
@@ -96,18 +136,9 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
     const double speed = candidate.normal.dot(state.velocity_m_s[candidate.particle] - surface);
-    if (candidate.gap_m >= 0 && speed >= -still) continue;
-    const ReleasedPair* released = FindReleased(*contacts, candidate.particle, candidate.body);
-    if (released && candidate.gap_m >= released->gap_m) continue;
-    // One bond a particle and body.
-    const auto first =
-        std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), candidate.particle,
-                         [](const Bond& bond, int p) { return bond.particle < p; });
-    bool bonded = false;
-    for (auto it = first; it != contacts->bonds.end() && it->particle == candidate.particle; ++it) {
-      bonded = bonded || model_.body_of[model_.triangles[it->triangle][0]] == candidate.body;
-    }
-    if (bonded) continue;
+    // What may slide does no harm before it comes nearer.
+    if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
+    if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
     Bond bond;
     bond.particle = candidate.particle;
     bond.triangle = candidate.triangle;
@@ -116,24 +147,62 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     bond.gap_m = candidate.gap_m;
     for (int k = 0; k < 3; ++k) bond.weights[k] = candidate.weights(k);
     ShowMembers(&bond);
-    bond.sliding = model_.adhesive->friction_coefficient.has_value();
-    captured += Insert(bond, contacts, report);
+    bond.sliding = slides();
+    if (IsBonded(candidate, *contacts)) {
+      if (bond.sliding) continue;  // FollowSliding keeps it where it touches
+      // Something that is not a member brings them nearer all the same: a corner of little weight,
+      // or another triangle. It becomes one.
+      for (std::int32_t& v : bond.vertices) {
+        if (v >= 0 && LetGo(v, model_.body_of[bond.particle], bond.gap_m, *contacts)) v = -1;
+      }
+      if (InOneZone(bond, *contacts)) continue;
+    }
+    captured += Hold(bond, contacts, report);
+  }
+  captured += CaptureEdges(near_edges, state, still, contacts, report);
+  if (slides()) {
+    captured += static_cast<int>(std::erase_if(
+        contacts->bonds, [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); }));
   }
   report->captures += captured;
   return captured;
 }
 
-// The corners that take part.
+// The corners and ends that take part.
 void Adhesive::ShowMembers(Bond* bond) const {
   for (int k = 0; k < 3; ++k) {
-    bond->vertices[k] = bond->weights[k] > kMinWeight ? model_.triangles[bond->triangle][k] : -1;
+    const bool member = bond->weights[k] > LeastWeight(bond->gap_m);
+    bond->vertices[k] = member ? model_.triangles[bond->triangle][k] : -1;
   }
+  if (bond->partner < 0) return;
+  bond->holds_particle = 1 - bond->partner_weight > LeastWeight(bond->gap_m);
+  bond->holds_partner = bond->partner_weight > LeastWeight(bond->gap_m);
+}
+
+std::pair<std::int32_t, std::int32_t> Adhesive::BodiesOf(const Bond& bond) const {
+  return std::minmax(model_.body_of[bond.particle],
+                     model_.body_of[model_.triangles[bond.triangle][0]]);
 }
 
 int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) {
+  // All that friction holds between two bodies sticks at the same time: a few that stick would have
+  // to carry everything.
+  calm_.clear();
+  for (const Bond& bond : contacts->bonds) {
+    if (bond.sliding && bond.calm >= kCalm) calm_.push_back(BodiesOf(bond));
+  }
+  std::sort(calm_.begin(), calm_.end());
   int changes = 0;
   for (Bond& bond : contacts->bonds) {
     if (!bond.sliding) continue;
+    if (bond.calm > 0 && std::binary_search(calm_.begin(), calm_.end(), BodiesOf(bond))) {
+      bond.sliding = false;
+      ++changes;
+    }
+    if (bond.partner >= 0) {  // those that Capture() does not find again go
+      if (bond.sliding) bond.gap_m = std::numeric_limits<double>::infinity();
+      continue;
+    }
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
     const auto pair = std::lower_bound(
         near.begin(), near.end(), std::pair(bond.particle, body),
@@ -144,7 +213,7 @@ int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) 
       ++changes;
       continue;
     }
-    changes += bond.triangle != pair->triangle || bond.settled;
+    changes += bond.triangle != pair->triangle;
     bond.triangle = pair->triangle;
     for (int k = 0; k < 3; ++k) bond.weights[k] = pair->weights(k);
     bond.gap_m = pair->gap_m;
@@ -156,19 +225,22 @@ int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) 
       bond.gap_m = -pair->gap_m;
     }
     ShowMembers(&bond);
-    bond.sliding = !bond.settled;
-    bond.settled = false;
   }
   if (changes == 0) return 0;
   std::erase_if(contacts->bonds, [](const Bond& bond) { return bond.triangle < 0; });
-  std::sort(contacts->bonds.begin(), contacts->bonds.end(),
-            [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
+  std::sort(contacts->bonds.begin(), contacts->bonds.end(), [](const Bond& a, const Bond& b) {
+    return Key(a) != Key(b) ? KeyLess(a, b) : a.sliding < b.sliding;
+  });
+  // One that sticks there already takes the place of one that has slid there.
+  const auto same = [](const Bond& a, const Bond& b) { return Key(a) == Key(b); };
+  contacts->bonds.erase(std::unique(contacts->bonds.begin(), contacts->bonds.end(), same),
+                        contacts->bonds.end());
   return changes;
 }
 
-void Adhesive::EndSliding(int b, bool settled, bool parted, Contacts* contacts) {
+void Adhesive::EndSliding(int b, bool held, bool parted, Contacts* contacts) {
   Bond& bond = contacts->bonds[b];
-  bond.settled = settled;
+  bond.calm = held ? std::min(bond.calm + 1, kCalm) : 0;
   if (!parted) return;
   AddReleased(bond.particle, model_.body_of[model_.triangles[bond.triangle][0]], bond.gap_m,
               contacts);
@@ -178,6 +250,17 @@ void Adhesive::EndSliding(int b, bool settled, bool parted, Contacts* contacts) 
 int Adhesive::RemoveParted(Contacts* contacts) {
   return static_cast<int>(
       std::erase_if(contacts->bonds, [](const Bond& bond) { return bond.triangle < 0; }));
+}
+
+bool Adhesive::IsBonded(const NearPair& pair, const Contacts& contacts) const {
+  auto it = std::lower_bound(contacts.bonds.begin(), contacts.bonds.end(), pair.particle,
+                             [](const Bond& bond, int p) { return bond.particle < p; });
+  for (; it != contacts.bonds.end() && it->particle == pair.particle; ++it) {
+    if (it->partner < 0 && model_.body_of[model_.triangles[it->triangle][0]] == pair.body) {
+      return true;
+    }
+  }
+  return false;
 }
 
 bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
@@ -220,8 +303,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
       adds = adds || (eligible && (zone < 0 || contacts->zones[zone].tool != pair.tool));
     }
     if (!adds) continue;
-    const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond,
-                                     [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
+    const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
       // The contact point may have moved: what it held, it keeps.
       for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
@@ -269,7 +351,11 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
     if (bond.sliding) continue;
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
-    if (bond.particle >= 0) Limits(bond.particle, bond, normal, scale);
+    // Both ends of an edge share its normal as the corners share theirs.
+    if (bond.particle >= 0 && bond.holds_particle)
+      Limits(bond.particle, bond, (1 - bond.partner_weight) * normal, scale);
+    if (bond.partner >= 0 && bond.holds_partner)
+      Limits(bond.partner, bond, bond.partner_weight * normal, scale);
     // A tool's normal already points to the tissue; a triangle's corners are on the other side of
     // theirs.
     const Vec3 corner_normal = bond.tool >= 0 ? normal : Vec3(-normal);
@@ -347,33 +433,38 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
 }
 
 void Adhesive::RemoveReleased(Contacts* contacts) {
-  constexpr std::array<std::int32_t, 3> kNone{-1, -1, -1};
   for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
     Bond& bond = contacts->bonds[b];
     if (bond.sliding) continue;
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
-    const bool cut = bond_verdict_[b] == kLetsGo;
-    const bool whole = cut || (bond.particle >= 0 && limit_[bond.particle].released);
-    bool slides =
-        bond_verdict_[b] == kSlides || (bond.particle >= 0 && limit_[bond.particle].slides);
+    const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
+    const auto lets_go = [&](int p) { return bond_verdict_[b] == kLetsGo || limit_[p].released; };
+    bool slides = bond_verdict_[b] == kSlides;
+    bond.ForEachMember([&](int p) { slides = slides || limit_[p].slides; });
     for (std::int32_t& v : bond.vertices) {
-      if (v < 0) continue;
-      slides = slides || limit_[v].slides;
-      if (!(whole || limit_[v].released)) continue;
-      if (cut || limit_[v].released) {
-        const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
-        AddReleased(v, other, bond.gap_m, contacts);
-      }
+      if (v < 0 || !lets_go(v)) continue;
+      AddReleased(v, other, bond.gap_m, contacts);
       v = -1;
     }
-    if (bond.particle >= 0 && bond.vertices == kNone) {
+    if (bond.tool >= 0) continue;
+    if (bond.holds_particle && lets_go(bond.particle)) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
-    } else if (slides && bond.tool < 0) {
+      bond.holds_particle = false;
+    }
+    if (bond.holds_partner && lets_go(bond.partner)) {
+      AddReleased(bond.partner, body, bond.gap_m, contacts);
+      bond.holds_partner = false;
+    }
+    // What the other side has left behind.
+    if (bond.holds_particle && !bond.Holds()) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
+    } else if (slides && bond.Holds()) {
       bond.sliding = true;
+      bond.calm = 0;
       ShowMembers(&bond);
     }
   }
-  std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.vertices == kNone; });
+  std::erase_if(contacts->bonds, [&](const Bond& bond) { return !bond.Holds(); });
 }
 
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {

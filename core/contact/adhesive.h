@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/contact/detector.h"
@@ -16,7 +17,8 @@ namespace adhesim {
 // (ZoneBuilder).
 //
 // Capture: a pair nearer than d_on that approaches, or is inside, becomes a bond: the particle and
-// those corners of the triangle with a weight above kMinWeight. Release: with lambda_i the force
+// those corners of the triangle with a weight above kMinWeight. So do edges, unless their ends move
+// as one already: then nothing can bring them nearer. Release: with lambda_i the force
 // that the adhesive must carry on a colliding particle and n_i the normal from the opposing body to
 // its own, in tension (lambda_n > 0) it lets go when
 //   (lambda_n / (sigma_n A_i))^2 + (|lambda_t| / (sigma_t A_i))^2 > 1,
@@ -35,14 +37,14 @@ class Adhesive {
 
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
   // the capture rule. Returns the number of new bonds. `dt_s` scales what counts as approaching.
-  int Capture(std::span<const NearPair> near, const State& state, double dt_s, Contacts* contacts,
-              StepReport* report);
+  int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+              const State& state, double dt_s, Contacts* contacts, StepReport* report);
 
   // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
   // those that friction has stopped stick. Returns the number of changes.
   int FollowSliding(std::span<const NearPair> near, Contacts* contacts);
   // What became of the sliding bonds in the sub-step just done, by bond: see ContactRows.
-  void EndSliding(int bond, bool settled, bool parted, Contacts* contacts);
+  void EndSliding(int bond, bool held, bool parted, Contacts* contacts);
   // Removes the bonds that parted.
   int RemoveParted(Contacts* contacts);
 
@@ -90,12 +92,36 @@ class Adhesive {
   };
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
+  void DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                    Contacts* contacts);
+  void ListEdgeEnds(std::span<const NearEdges> near);
+  int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
+                   Contacts* contacts, StepReport* report);
+  Bond BondOf(const NearEdges& near, const State& state) const;
+  // Adds the bond, or to that of the same features what it has more. True if anything is new.
+  static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
+  static bool Insert(const Bond& bond, Contacts* contacts, StepReport* report);
+  bool IsBonded(const NearPair& pair, const Contacts& contacts) const;
+  bool LetGo(int particle, int other, double gap_m, const Contacts& contacts) const;
+  // Corners and ends with a weight above this become members. What a lighter one does is of no
+  // consequence at first, but may bring the surfaces nearer in time.
+  double LeastWeight(double gap_m) const {
+    return gap_m < 0.5 * capture_distance_m_ ? 0 : kMinWeight;
+  }
+  bool LetGoBefore(const Bond& bond, const Contacts& contacts) const;
+  static bool InOneZone(const Bond& bond, const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                  Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   bool TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
                      const Contacts& contacts) const;
+  std::pair<std::int32_t, std::int32_t> BodiesOf(const Bond& bond) const;  // ascending
+  // Sliding ends when friction has held for so many sub-steps: one at the brink of sliding is slow
+  // for a few as well.
+  static constexpr int kCalm = 10;
+  // Contacts begin by sliding.
+  bool slides() const { return model_.adhesive->friction_coefficient.has_value(); }
   void ShowMembers(Bond* bond) const;
   void RemoveReleased(Contacts* contacts);
   Vec3 BondNormal(const Bond& bond, const State& state) const;
@@ -111,6 +137,9 @@ class Adhesive {
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool
   std::vector<ReleasedPair> kept_;
+  std::vector<std::pair<std::int32_t, std::int32_t>> calm_;  // bodies, ascending
+  std::vector<std::pair<std::int32_t, std::int32_t>>
+      edge_near_;  // (particle, body) of ends of edges within d_off; ascending
 };
 
 }  // namespace adhesim

@@ -35,7 +35,7 @@ struct Detector::Broad {
   std::vector<std::pair<int, int>> pairs;  // bodies whose boxes overlap, first < second, ascending
 };
 
-Detector::Detector(const Model& model, double reach_m)
+Detector::Detector(const Model& model, double reach_m, bool edges)
     : model_(model), reach_m_(reach_m), skin_m_(reach_m), broad_(std::make_unique<Broad>()) {
   for (const Body& body : model.bodies) trees_.emplace_back(model, body);
 
@@ -65,6 +65,7 @@ Detector::Detector(const Model& model, double reach_m)
   evaluated_.reserve(groups_.capacity());
   near_.reserve(groups_.capacity());
   listed_position_m_.reserve(model.rest_position_m.size());
+  if (edges) edge_pairs_ = std::make_unique<EdgePairs>(model, reach_m_ + skin_m_);
 }
 
 Detector::~Detector() = default;
@@ -131,11 +132,14 @@ void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
       });
   if (broad_->pairs.size() == broad_->pairs.capacity()) report->bits |= kStepCandidateCapacity;
   std::sort(broad_->pairs.begin(), broad_->pairs.end());
+  if (edge_pairs_) edge_pairs_->Begin();
   for (const auto& [a, b] : broad_->pairs) {
     if (model_.bodies[a].all_fixed && model_.bodies[b].all_fixed) continue;
     AddGroups(a, b, position_m, report);
     AddGroups(b, a, position_m, report);
+    if (edge_pairs_) edge_pairs_->AddBodies(a, b, trees_[b], position_m, report);
   }
+  if (edge_pairs_) edge_pairs_->End();
   std::sort(groups_.begin(), groups_.end(), [](const Group& g, const Group& h) {
     return g.particle != h.particle ? g.particle < h.particle : g.body < h.body;
   });
@@ -193,6 +197,12 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
     if (pair.particle >= 0 && std::abs(pair.gap_m) <= reach_m_) near_.push_back(pair);
   }
   return near_;
+}
+
+std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
+                                               StepReport* report) {
+  if (!edge_pairs_) return {};
+  return edge_pairs_->Find(position_m, reach_m_, moved_m_, parallel, report);
 }
 
 NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m) const {

@@ -4,8 +4,9 @@
 #include <span>
 #include <vector>
 
-#include "core/contact/closest_point.h"
+#include "core/contact/edge_pairs.h"
 #include "core/contact/triangle_tree.h"
+#include "core/model/closest_point.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/near_pair.h"
@@ -13,7 +14,8 @@
 
 namespace adhesim {
 
-// Finds the particles within `reach` of other bodies' surfaces.
+// Finds the particles within `reach` of other bodies' surfaces, and the edges that cross over other
+// bodies' edges.
 //
 // Pairs of bodies come from FCL's dynamic AABB tree; particles against triangles from our own
 // refitted trees, because FCL's narrow phase is ten times slower than a step may last
@@ -22,7 +24,8 @@ namespace adhesim {
 // changes a result.
 class Detector {
  public:
-  Detector(const Model& model, double reach_m);
+  // `edges`: edges are wanted too.
+  Detector(const Model& model, double reach_m, bool edges = false);
   ~Detector();
 
   // Renews the list if particles have moved too far since it was made. Report bit:
@@ -31,6 +34,10 @@ class Detector {
   // Pairs with |gap| <= reach at these positions (those of the last Update), ascending by
   // (particle, body).
   std::span<const NearPair> Find(std::span<const Vec3> position_m, Parallel* parallel);
+
+  // The same for edges over edges (EdgePairs); those that could not be listed are reported.
+  std::span<const NearEdges> FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
+                                       StepReport* report);
 
   double reach_m() const { return reach_m_; }
   // Upper bound of the speed at which surfaces of different bodies nearer than reach_m() close in,
@@ -70,6 +77,7 @@ class Detector {
   std::vector<std::int32_t> candidate_;  // triangles, group by group
   std::vector<NearPair> evaluated_;      // [#groups]
   std::vector<NearPair> near_;
+  std::unique_ptr<EdgePairs> edge_pairs_;  // null: not wanted
 };
 
 }  // namespace adhesim

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/contact/closest_point.h"
 #include "core/contact/penetration.h"
+#include "core/model/closest_point.h"
 
 namespace adhesim {
 namespace {

@@ -1,9 +1,10 @@
 #include "core/contact/penetration.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include "core/contact/closest_point.h"
+#include "core/model/closest_point.h"
 
 namespace adhesim {
 namespace {
@@ -23,11 +24,58 @@ double WindingNumber(const Model& model, const Body& body, std::span<const Vec3>
   return solid_angle / (4 * M_PI);
 }
 
+// Six times the volume of a tetrahedron: > 0 when d is on the outer side of abc.
+double Volume(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
+  return (b - a).cross(c - a).dot(d - a);
+}
+
+bool PassesThrough(const Vec3& p, const Vec3& q, const Vec3& a, const Vec3& b, const Vec3& c) {
+  if (Volume(a, b, c, p) * Volume(a, b, c, q) >= 0) return false;
+  const double u = Volume(p, q, a, b), v = Volume(p, q, b, c), w = Volume(p, q, c, a);
+  return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
+}
+
+Aabb BoxOf(std::span<const Vec3> position_m, std::span<const std::int32_t> particles) {
+  Aabb box;
+  for (int p : particles) box.Add(position_m[p]);
+  return box;
+}
+
 }  // namespace
 
 bool IsInside(const Model& model, const Body& body, std::span<const Vec3> position_m,
               const Vec3& p) {
   return WindingNumber(model, body, position_m, p) >= 0.5;
+}
+
+int CountEdgesThrough(const Model& model, std::span<const Vec3> position_m, bool self) {
+  std::vector<Aabb> box;
+  for (const Body& body : model.bodies) {
+    box.emplace_back();
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+      box.back().Add(position_m[p]);
+  }
+  int count = 0;
+  for (int p = 0; p < model.particle_count(); ++p) {
+    for (int k = model.neighbour_start[p]; k < model.neighbour_start[p + 1]; ++k) {
+      const int q = model.neighbours[k];
+      if (q < p) continue;
+      const Aabb edge = BoxOf(position_m, std::array{p, q});
+      for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+        const bool own = model.body_of[p] == static_cast<int>(b);
+        if ((own && !self) || !box[b].Overlaps(edge)) continue;
+        const Body& body = model.bodies[b];
+        for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
+          const Triangle& tri = model.triangles[t];
+          if (own && std::ranges::any_of(tri, [&](int v) { return v == p || v == q; })) continue;
+          if (!BoxOf(position_m, tri).Overlaps(edge)) continue;
+          count += PassesThrough(position_m[p], position_m[q], position_m[tri[0]],
+                                 position_m[tri[1]], position_m[tri[2]]);
+        }
+      }
+    }
+  }
+  return count;
 }
 
 Penetration MeasurePenetration(const Model& model, std::span<const Vec3> position_m) {

@@ -21,4 +21,9 @@ bool IsInside(const Model& model, const Body& body, std::span<const Vec3> positi
 // not for the step.
 Penetration MeasurePenetration(const Model& model, std::span<const Vec3> position_m);
 
+// Edges that pass through a triangle of another body, each such pair counted once; of the same body
+// too, if `self` (through triangles that share none of their ends). Vertices see nothing of two
+// edges that have changed sides. As slow.
+int CountEdgesThrough(const Model& model, std::span<const Vec3> position_m, bool self = false);
+
 }  // namespace adhesim

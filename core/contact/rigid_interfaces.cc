@@ -36,9 +36,8 @@ void RigidInterfaces::CollectEdges(const Contacts& contacts) {
     return std::tie(e.zone, e.a, e.b) < std::tie(f.zone, f.a, f.b);
   };
   const auto edge_of = [&](const Bond& bond) {
-    const int member = bond.particle >= 0
-                           ? bond.particle
-                           : *std::max_element(bond.vertices.begin(), bond.vertices.end());
+    int member = -1;
+    bond.ForEachMember([&](int p) { member = p; });
     const auto [a, b] = std::minmax({FirstNode(bond), SecondNode(bond)});
     return Edge{bond.sliding ? -1 : contacts.zone_of[member], a, b};
   };

@@ -95,10 +95,7 @@ void RigidInterfaces::Measure(int edge, const Contacts& contacts, const NormalOf
     // A bond's normal points to its particle; a tool's to the tissue.
     const bool towards = bond.tool >= 0 || model_.body_of[bond.particle] == cut->node;
     cut->normal_sum += towards ? normal_of(bond) : Vec3(-normal_of(bond));
-    if (bond.particle >= 0) count(bond.particle);
-    for (int v : bond.vertices) {
-      if (v >= 0) count(v);
-    }
+    bond.ForEachMember(count);
     if (bond.tool >= 0) {
       cut->tool = bond.tool;
       cut->sticky = bond.sticky;

@@ -71,7 +71,10 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
       if ((bond.tool >= 0) != tools || bond.sliding) continue;
-      const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
+      const int anchor = tools                 ? ToolNode(bond.tool)
+                         : bond.holds_particle ? bond.particle
+                                               : bond.partner;
+      if (bond.holds_particle && bond.holds_partner) Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
         if (v < 0) continue;
         if (Unite(anchor, v)) {
@@ -83,16 +86,13 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
       }
     }
   }
-  std::erase_if(contacts->bonds, [](const Bond& bond) {
-    return bond.vertices[0] < 0 && bond.vertices[1] < 0 && bond.vertices[2] < 0;
-  });
+  std::erase_if(contacts->bonds, [](const Bond& bond) { return !bond.Holds(); });
   std::fill(colliding_.begin(), colliding_.end(), 0);
   for (const Bond& bond : contacts->bonds) {
-    if (bond.particle >= 0 && !bond.sliding) member_[bond.particle] = 1;
-    if (bond.particle >= 0) colliding_[bond.particle] = 1;
-    for (int v : bond.vertices) {
-      if (v >= 0) colliding_[v] = 1;
-    }
+    bond.ForEachMember([&](int p) {
+      colliding_[p] = 1;
+      if (!bond.sliding) member_[p] = 1;
+    });
   }
   contacts->colliding_particles =
       static_cast<int>(std::count(colliding_.begin(), colliding_.end(), 1));

@@ -82,12 +82,9 @@ void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
 
   // A fixed particle's load, and a rigid body's, is not of the contact alone.
   const auto mark = [this](int p) {
-    if (p >= 0 && !model_.fixed[p] && !model_.bodies[model_.body_of[p]].rigid) collides_[p] = 1;
+    if (!model_.fixed[p] && !model_.bodies[model_.body_of[p]].rigid) collides_[p] = 1;
   };
-  for (const Bond& bond : state.contacts.bonds) {
-    mark(bond.particle);
-    for (int p : bond.vertices) mark(p);
-  }
+  for (const Bond& bond : state.contacts.bonds) bond.ForEachMember(mark);
   for (std::size_t p = 0; p < collides_.size(); ++p) {
     if (!collides_[p]) continue;
     collides_[p] = 0;

@@ -136,10 +136,12 @@ void Pipeline::Substep(double dt_s) {
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
   near_ = detector_->Find(state_.position_m, &parallel_);
+  const std::span<const NearEdges> edges =
+      detector_->FindEdges(state_.position_m, &parallel_, &report_);
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
   int changes = adhesive_->FollowSliding(near_, &state_.contacts);
-  changes += adhesive_->Capture(near_, state_, dt_s, &state_.contacts, &report_);
+  changes += adhesive_->Capture(near_, edges, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);

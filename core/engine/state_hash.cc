@@ -67,8 +67,9 @@ std::uint64_t HashState(const State& state) {
   }
   for (int zone : state.contacts.zone_of) hash.Add(static_cast<std::uint64_t>(zone));
   for (const Bond& bond : state.contacts.bonds) {
-    for (int value : {bond.particle, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1],
-                      bond.vertices[2]}) {
+    for (int value :
+         {bond.particle, bond.partner, bond.tool, bond.triangle, bond.vertices[0], bond.vertices[1],
+          bond.vertices[2], bond.holds_particle + 2 * bond.holds_partner}) {
       hash.Add(static_cast<std::uint64_t>(value));
     }
   }

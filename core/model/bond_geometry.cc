@@ -2,19 +2,34 @@
 
 namespace adhesim {
 
+Vec3 EdgeCross(const Bond& bond, const Model& model, std::span<const Vec3> position_m) {
+  const Triangle& tri = model.triangles[bond.triangle];
+  const int k = OppositeCorner(bond.weights);
+  return (position_m[bond.partner] - position_m[bond.particle])
+      .cross(position_m[tri[(k + 2) % 3]] - position_m[tri[(k + 1) % 3]]);
+}
+
 BondGeometry GeometryOf(const Bond& bond, const Model& model, std::span<const Vec3> position_m) {
   const Triangle& tri = model.triangles[bond.triangle];
   const Vec3 &a = position_m[tri[0]], &b = position_m[tri[1]], &c = position_m[tri[2]];
   BondGeometry geometry;
   geometry.point_m = position_m[bond.particle];
+  if (bond.partner >= 0) {
+    geometry.point_m = (1 - bond.partner_weight) * geometry.point_m +
+                       bond.partner_weight * position_m[bond.partner];
+  }
   const Vec3 offset =
       geometry.point_m - (bond.weights[0] * a + bond.weights[1] * b + bond.weights[2] * c);
   const double distance = offset.norm();
   geometry.gap_m = bond.gap_sign * distance;
-  // Too near to have a direction of its own: take the triangle's.
-  geometry.normal = distance > 1e-3 * model.adhesive->capture_distance_m
-                        ? Vec3(offset * (bond.gap_sign / distance))
-                        : Vec3((b - a).cross(c - a).normalized() * bond.side);
+  if (distance > 1e-3 * model.adhesive->capture_distance_m) {
+    geometry.normal = offset * (bond.gap_sign / distance);
+    return geometry;
+  }
+  // Too near to have a direction of its own: the surfaces'.
+  const Vec3 across =
+      bond.partner >= 0 ? EdgeCross(bond, model, position_m) : Vec3((b - a).cross(c - a));
+  geometry.normal = across.normalized() * bond.side;
   return geometry;
 }
 

@@ -14,6 +14,9 @@ struct BondGeometry {
   double gap_m = 0;             // along the normal
 };
 
+// The cross product of the two edges of an edge's bond, as in Bond::side.
+Vec3 EdgeCross(const Bond& bond, const Model& model, std::span<const Vec3> position_m);
+
 BondGeometry GeometryOf(const Bond& bond, const Model& model, std::span<const Vec3> position_m);
 
 // The forces that the adhesive between bodies can carry on one colliding particle.

@@ -8,22 +8,49 @@
 
 namespace adhesim {
 
-// A contact that holds: a particle on a triangle, or a tool on a triangle.
+// A contact that holds: a particle on a triangle, an edge on an edge of a triangle, or a tool on a
+// triangle.
 struct Bond {
-  std::int32_t particle = -1;  // the particle, or -1 for a tool's bond
+  std::int32_t particle = -1;  // the particle, the lower end of the edge, or -1 for a tool's bond
+  std::int32_t partner = -1;   // the edge's other end, or -1
   std::int32_t tool = -1;      // the tool, or -1
   std::int32_t triangle = -1;  // the triangle on the other side
   std::array<std::int32_t, 3>
       vertices{};  // its particles that are members, -1 where let go or of negligible weight
   std::array<double, 3> weights{};  // barycentric coordinates of the contact point
-  std::int8_t side = 1;      // +1: the particle is on the side that the triangle's normal points to
-  std::int8_t gap_sign = 1;  // -1: the particle was inside a closed body when captured
-  double gap_m = 0;          // when captured; the zone keeps it
-  bool sticky = true;        // false: no strength (a tool's bare shaft)
-  bool sliding = false;      // its sides move along each other: not members of a zone by it
-  bool settled = false;      // friction held it in the last sub-step: it sticks from the next on
+  double partner_weight = 0;        // w: an edge's contact point is (1 - w) particle + w partner
+  bool holds_particle = true;       // they are members: neither let go nor of negligible weight
+  bool holds_partner = false;
+  // +1: the particle is on the side that the triangle's normal points to. Edges: the cross product
+  // of the edge (from particle to partner) and the triangle's (as it goes round) points to it.
+  std::int8_t side = 1;
+  std::int8_t gap_sign = 1;         // -1: the particle was inside a closed body when captured
+  double gap_m = 0;                 // when captured; the zone keeps it
+  bool sticky = true;               // false: no strength (a tool's bare shaft)
+  bool sliding = false;             // its sides move along each other: no zone by it
+  std::int8_t calm = 0;             // sub-steps for which friction has held it, while it slides
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
+
+  // True while both sides have members.
+  bool Holds() const {
+    return (tool >= 0 || holds_particle || holds_partner) &&
+           (vertices[0] >= 0 || vertices[1] >= 0 || vertices[2] >= 0);
+  }
+  // Calls visit(particle) for every member.
+  template <typename Visit>
+  void ForEachMember(const Visit& visit) const {
+    if (particle >= 0 && holds_particle) visit(particle);
+    if (partner >= 0 && holds_partner) visit(partner);
+    for (std::int32_t v : vertices) {
+      if (v >= 0) visit(v);
+    }
+  }
 };
+
+// The corner opposite the edge on which a point with these weights lies.
+inline int OppositeCorner(const std::array<double, 3>& weights) {
+  return weights[0] == 0 ? 0 : weights[1] == 0 ? 1 : 2;
+}
 
 // A pair that let go and may not stick again before it has been further apart than d_off or is
 // pressed closer.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/model/bond_geometry.h"
+#include "core/model/closest_point.h"
 
 namespace adhesim {
 namespace {
@@ -18,20 +19,22 @@ ContactRows::ContactRows(const Model& model) : model_(model) {
   const std::size_t n = model.rest_position_m.size();
   rows_.reserve(4 * n + 64);
   verdicts_.reserve(4 * n + 64);
+  interfaces_.reserve(4 * n + 64);  // no more than rows
   acted_.reserve(n);
   impulse_ns_.assign(n, Vec3::Zero());
   stamp_.assign(n, 0);
 }
 
-void ContactRows::Collect(const State& state, std::span<const RigidGroup> groups, double dt_s) {
+void ContactRows::Collect(const State& state, const Motion& motion, double dt_s) {
   for (int p : acted_) impulse_ns_[p].setZero();
   acted_.clear();
   rows_.clear();
-  if (impulse_ns_.empty()) return;
+  if (!possible()) return;
   for (std::size_t b = 0; b < state.contacts.bonds.size(); ++b) {
     if (!state.contacts.bonds[b].sliding || rows_.size() == rows_.capacity()) continue;
-    rows_.push_back(MakeRow(static_cast<int>(b), state, groups, dt_s));
+    rows_.push_back(MakeRow(static_cast<int>(b), state, motion, dt_s));
   }
+  ShareLimits(state, dt_s);
   for (const Row& row : rows_) {
     for (int p : row.particle) {
       if (stamp_[p]) continue;
@@ -43,18 +46,107 @@ void ContactRows::Collect(const State& state, std::span<const RigidGroup> groups
   std::sort(acted_.begin(), acted_.end());
 }
 
-ContactRows::Row ContactRows::MakeRow(int b, const State& state, std::span<const RigidGroup> groups,
+ContactRows::Interface& ContactRows::InterfaceOf(const Bond& bond) {
+  const auto [a, b] = std::minmax(model_.body_of[bond.particle],
+                                  model_.body_of[model_.triangles[bond.triangle][0]]);
+  const auto at = std::lower_bound(interfaces_.begin(), interfaces_.end(), std::pair(a, b),
+                                   [](const Interface& interface, const auto& key) {
+                                     return std::pair(interface.first, interface.second) < key;
+                                   });
+  if (at != interfaces_.end() && at->first == a && at->second == b) return *at;
+  return *interfaces_.insert(at, {a, b, {}});
+}
+
+// Particles of both sides touch the same surface: together their rows carry what the weaker side
+// carries, if both have any. Edges add none of their own.
+void ContactRows::ShareLimits(const State& state, double dt_s) {
+  interfaces_.clear();
+  const auto limit_of = [&](int p) {
+    return LimitOf(*model_.adhesive, model_.area_m2[p], model_.mass_kg[p]);
+  };
+  for (const Row& row : rows_) {
+    const Bond& bond = state.contacts.bonds[row.bond];
+    if (bond.partner >= 0 || !row.touches) continue;
+    Interface& interface = InterfaceOf(bond);
+    const BondLimit limit = limit_of(bond.particle);
+    BondLimit& sum = interface.limit[model_.body_of[bond.particle] == interface.second];
+    sum.normal_n += limit.normal_n;
+    sum.shear_n += limit.shear_n;
+  }
+  for (Row& row : rows_) {
+    const Bond& bond = state.contacts.bonds[row.bond];
+    row.tension_ns = row.shear_ns = 0;
+    if (bond.partner >= 0 || !row.touches) continue;
+    const auto& [a, b] = InterfaceOf(bond).limit;
+    const auto share = [&](double one, double x, double y) {
+      const double both = x > 0 && y > 0 ? std::min(x, y) : x + y;
+      return both > 0 ? one * both / (x + y) * dt_s : 0;
+    };
+    const BondLimit limit = limit_of(bond.particle);
+    row.tension_ns = share(limit.normal_n, a.normal_n, b.normal_n);
+    row.shear_ns = share(limit.shear_n, a.shear_n, b.shear_n);
+  }
+}
+
+Vec3 ContactRows::Velocity(int p, const State& state, const Motion& motion) const {
+  if (model_.fixed[p]) return Vec3::Zero();
+  const int zone = state.contacts.zone_of[p];
+  return zone < 0 ? motion.velocity_m_s[p] : motion.groups[zone].VelocityAt(state.position_m[p]);
+}
+
+// Where the contact will be if velocities stay as they are: a particle that moves around an edge
+// must not be stopped by the plane that stands across its way now.
+BondGeometry ContactRows::Predict(const Bond& bond, const BondGeometry& now, const State& state,
+                                  double dt_s, Vec3* weights) const {
+  const auto moved = [&](int p) {
+    return model_.fixed[p] ? state.position_m[p]
+                           : Vec3(state.position_m[p] + dt_s * state.velocity_m_s[p]);
+  };
+  if (bond.partner >= 0) {  // edges: where they cross now
+    *weights = Vec3(bond.weights[0], bond.weights[1], bond.weights[2]);
+    const auto [particle, weight] = NodesOf(bond, model_.triangles[bond.triangle], *weights);
+    BondGeometry then = now;
+    for (int i = 0; i < kNodes; ++i) {
+      then.gap_m += weight[i] * now.normal.dot(moved(particle[i]) - state.position_m[particle[i]]);
+    }
+    return then;
+  }
+  const Triangle& tri = model_.triangles[bond.triangle];
+  const Vec3 x = moved(bond.particle), a = moved(tri[0]), b = moved(tri[1]), c = moved(tri[2]);
+  *weights = ClosestPointOnTriangle(x, a, b, c).weights;
+  const Vec3 offset = x - ((*weights)(0) * a + (*weights)(1) * b + (*weights)(2) * c);
+  const double distance = offset.norm();
+  const double sign = offset.dot(now.normal) < 0 ? -1 : 1;
+  BondGeometry then{x, now.normal, sign * distance};
+  if (distance > 1e-3 * model_.adhesive->capture_distance_m)
+    then.normal = offset * (sign / distance);
+  return then;
+}
+
+// Relative motion is the sum of weight times velocity: a particle and a triangle's corners, or the
+// ends of two edges.
+ContactRows::Nodes ContactRows::NodesOf(const Bond& bond, const Triangle& tri,
+                                        const Vec3& weights) {
+  if (bond.partner < 0) {
+    return {{bond.particle, tri[0], tri[1], tri[2]}, {1, -weights(0), -weights(1), -weights(2)}};
+  }
+  const int k = OppositeCorner(bond.weights), i = (k + 1) % 3, j = (k + 2) % 3;
+  return {{bond.particle, bond.partner, tri[i], tri[j]},
+          {1 - bond.partner_weight, bond.partner_weight, -weights(i), -weights(j)}};
+}
+
+ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& motion,
                                       double dt_s) const {
   const Bond& bond = state.contacts.bonds[b];
   const AdhesiveParameters& adhesive = *model_.adhesive;
-  const BondGeometry geometry = GeometryOf(bond, model_, state.position_m);
-  const Triangle& tri = model_.triangles[bond.triangle];
+  const BondGeometry now = GeometryOf(bond, model_, state.position_m);
+  Vec3 weights;
+  const BondGeometry then = Predict(bond, now, state, dt_s, &weights);
+  const auto [particle, weight] = NodesOf(bond, model_.triangles[bond.triangle], weights);
   Row row;
   row.bond = b;
-  row.particle = {bond.particle, tri[0], tri[1], tri[2]};
-  const std::array<double, kNodes> weight = {1, -bond.weights[0], -bond.weights[1],
-                                             -bond.weights[2]};
-  const Vec3& n = geometry.normal;
+  row.particle = particle;
+  const Vec3& n = then.normal;
   const Vec3 t = n.unitOrthogonal();
   const std::array<Vec3, 3> direction = {n, t, n.cross(t)};
 
@@ -78,16 +170,20 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, std::span<const
     for (int i = 0; i < kNodes; ++i) {
       row.gradient[k][i] -= turn.cross(Vec3(state.position_m[row.particle[i]] - centre));
     }
-    row.mobility[k] = Mobility(row, k, state, groups);
+    row.mobility[k] = Mobility(row, k, state, motion.groups);
   }
   // One value for both tangents: the impulse is clipped to a disc, not to a box.
   row.mobility[1] = row.mobility[2] = std::max(row.mobility[1], row.mobility[2]);
-  const double room_m = geometry.gap_m - 0.5 * adhesive.capture_distance_m;
-  row.approach_m_s = room_m > 0 ? -room_m / dt_s : 0;
-  const BondLimit limit =
-      LimitOf(adhesive, model_.area_m2[bond.particle], model_.mass_kg[bond.particle]);
-  row.tension_ns = limit.normal_n * dt_s;
-  row.shear_ns = limit.shear_n * dt_s;
+  const double rest_m = 0.5 * adhesive.capture_distance_m;
+  row.touches = now.gap_m <= adhesive.capture_distance_m;
+  // At the end of the sub-step the gap shall be no less than at rest, or than now and a little
+  // more.
+  double going = 0;
+  for (int i = 0; i < kNodes; ++i) {
+    if (!model_.fixed[row.particle[i]])
+      going += row.gradient[0][i].dot(state.velocity_m_s[row.particle[i]]);
+  }
+  row.least_speed_m_s = std::min(0.0, going - (then.gap_m - std::min(rest_m, now.gap_m)) / dt_s);
   return row;
 }
 
@@ -124,11 +220,7 @@ double ContactRows::Speed(const Row& row, int direction, const State& state,
                           const Motion& motion) const {
   double speed = 0;
   for (int i = 0; i < kNodes; ++i) {
-    const int p = row.particle[i];
-    if (model_.fixed[p]) continue;
-    const int zone = state.contacts.zone_of[p];
-    speed += row.gradient[direction][i].dot(
-        zone < 0 ? motion.velocity_m_s[p] : motion.groups[zone].VelocityAt(state.position_m[p]));
+    speed += row.gradient[direction][i].dot(Velocity(row.particle[i], state, motion));
   }
   return speed;
 }
@@ -156,16 +248,17 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
   for (Row& row : rows_) {
     if (row.mobility[0] > 0) {
       const double speed = Speed(row, 0, state, motion);
-      const double push = row.impulse(0) + (row.approach_m_s - speed) / row.mobility[0];
+      const double push = row.impulse(0) + (row.least_speed_m_s - speed) / row.mobility[0];
       const double pull = row.impulse(0) - speed / row.mobility[0];
-      const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -row.tension_ns);
+      const double tension = row.touches ? row.tension_ns : 0;
+      const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -tension);
       Apply(row, 0, impulse - row.impulse(0), state, motion);
       row.impulse(0) = impulse;
     }
     if (!(row.mobility[1] > 0)) continue;
-    // The adhesive acts across what touches only.
-    const bool touches = row.impulse(0) != 0 || row.approach_m_s == 0;
-    const double limit = touches ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
+    // The adhesive acts across what is near enough to be captured.
+    const double limit =
+        row.touches || row.impulse(0) > 0 ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
     Eigen::Vector2d rubbing{row.impulse(1) - Speed(row, 1, state, motion) / row.mobility[1],
                             row.impulse(2) - Speed(row, 2, state, motion) / row.mobility[1]};
     const double size = rubbing.norm();
@@ -188,9 +281,10 @@ std::span<const ContactRows::Verdict> ContactRows::Judge(const State& state, con
     const double sliding =
         Eigen::Vector2d(Speed(row, 1, state, motion), Speed(row, 2, state, motion)).norm();
     Outcome outcome = Outcome::kSlides;
-    if (row.tension_ns > 0 && row.impulse(0) <= -row.tension_ns) {
+    if (row.tension_ns > 0 && row.impulse(0) <= -row.tension_ns &&
+        Speed(row, 0, state, motion) > still) {
       outcome = Outcome::kParts;
-    } else if (row.impulse(0) == 0 && row.approach_m_s < 0) {
+    } else if (row.impulse(0) == 0 && !row.touches) {
       outcome = Outcome::kApart;
     } else if (friction < limit && sliding < still) {
       outcome = Outcome::kSticks;

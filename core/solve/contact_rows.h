@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/model/bond_geometry.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 #include "core/solve/rigid_group.h"
@@ -29,8 +30,10 @@ class ContactRows {
 
   explicit ContactRows(const Model& model);
 
-  // Makes a row of every bond that slides.
-  void Collect(const State& state, std::span<const RigidGroup> groups, double dt_s);
+  // True when the scene can have such contacts.
+  bool possible() const { return !impulse_ns_.empty(); }
+  // Makes a row of every bond that slides; `motion` is what happens without them.
+  void Collect(const State& state, const Motion& motion, double dt_s);
   bool empty() const { return rows_.empty(); }
   // One pass over all rows.
   void Sweep(const State& state, const Motion& motion);
@@ -55,10 +58,26 @@ class ContactRows {
     std::array<std::array<Vec3, kNodes>, 3> gradient;  // along the normal and two tangents
     std::array<double, 3> mobility;                    // 1/kg; normal, and the larger tangential
     Vec3 impulse = Vec3::Zero();                       // N s along the three
-    double approach_m_s;                               // of what is still apart; <= 0
+    double least_speed_m_s;                            // along the normal
+    bool touches;                                      // near enough for the adhesive
     double tension_ns, shear_ns;                       // what the adhesive carries
   };
-  Row MakeRow(int bond, const State& state, std::span<const RigidGroup> groups, double dt_s) const;
+  Row MakeRow(int bond, const State& state, const Motion& motion, double dt_s) const;
+  // Rows between two bodies, and what the adhesive carries on the particles of either side.
+  struct Interface {
+    std::int32_t first, second;  // bodies, first < second
+    std::array<BondLimit, 2> limit;
+  };
+  Interface& InterfaceOf(const Bond& bond);
+  void ShareLimits(const State& state, double dt_s);
+  struct Nodes {
+    std::array<std::int32_t, kNodes> particle;
+    std::array<double, kNodes> weight;
+  };
+  static Nodes NodesOf(const Bond& bond, const Triangle& tri, const Vec3& weights);
+  BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
+                       Vec3* weights) const;
+  Vec3 Velocity(int particle, const State& state, const Motion& motion) const;
   double Mobility(const Row& row, int direction, const State& state,
                   std::span<const RigidGroup> groups) const;
   double Speed(const Row& row, int direction, const State& state, const Motion& motion) const;
@@ -68,7 +87,8 @@ class ContactRows {
   const Model& model_;
   std::vector<Row> rows_;
   std::vector<Verdict> verdicts_;
-  std::vector<Vec3> impulse_ns_;  // [#particles]
+  std::vector<Interface> interfaces_;  // ascending
+  std::vector<Vec3> impulse_ns_;       // [#particles]
   std::vector<std::int32_t> acted_;
   std::vector<std::uint8_t> stamp_;  // [#particles] in acted_ already
 };

@@ -112,8 +112,11 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
     CollectRows(state);
     std::fill(multiplier_.begin(), multiplier_.end(), 0);
   }
-  slides_.Collect(state, groups_, dt_s);
-  if (!slides_.empty()) MeetSlides(state);
+  if (slides_.possible()) {
+    KickAll(state);
+    slides_.Collect(state, {kicked_m_s_, groups_}, dt_s);
+    if (!slides_.empty()) MeetSlides(state);
+  }
   if (rows_ > 0) {
     MeetConstraints(state, dt_s, parallel, report);
   } else {

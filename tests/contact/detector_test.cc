@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <random>
 
 #include "core/contact/penetration.h"
@@ -88,6 +90,129 @@ TEST(Detector, FindsWhatBruteForceFindsWhileEverythingMoves) {
     found += static_cast<int>(near.size());
   }
   EXPECT_GT(found, 500);
+}
+
+// Two bodies' edges, each once, with the triangles they belong to.
+struct MeshEdge {
+  int p, q;
+  std::vector<int> triangles;
+};
+std::vector<MeshEdge> EdgesOf(const Model& model, int body) {
+  std::map<std::pair<int, int>, std::vector<int>> found;
+  const Body& b = model.bodies[body];
+  for (int t = b.first_triangle; t < b.first_triangle + b.triangle_count; ++t) {
+    for (int k = 0; k < 3; ++k) {
+      found[std::minmax({model.triangles[t][k], model.triangles[t][(k + 1) % 3]})].push_back(t);
+    }
+  }
+  std::vector<MeshEdge> edges;
+  for (const auto& [ends, triangles] : found) edges.push_back({ends.first, ends.second, triangles});
+  return edges;
+}
+
+// Where two lines are nearest: fractions of each edge.
+Eigen::Vector2d Fractions(const Vec3& a0, const Vec3& a1, const Vec3& b0, const Vec3& b1) {
+  Eigen::Matrix<double, 3, 2> lines;
+  lines << a1 - a0, b0 - b1;
+  return lines.colPivHouseholderQr().solve(b0 - a0);
+}
+
+// Every edge against every edge of other bodies. That no face at an edge is nearer to the other's
+// contact point than the edge is what "leads away" means; within the tolerance a pair may be listed
+// or not.
+TEST(Detector, FindsTheEdgesThatBruteForceFindsWhileEverythingMoves) {
+  const auto model = ModelOf(R"(
+bodies:
+  - {name: a, icosphere: {radius_m: 0.5}, mass_kg: 1}
+  - {name: b, icosphere: {radius_m: 0.5}, mass_kg: 1, position_m: [0.93, 0.1, 0.05], rotation_deg: [20, 40, 70]}
+  - {name: plane, sheet: {length_m: 3, width_m: 3, columns: 8, rows: 8}, mass_kg: 1, position_m: [0, 0, -0.48]}
+)");
+  const double reach = 0.1;
+  Detector detector(*model, reach, /*edges=*/true);
+  Parallel one(1), two(2);
+  std::vector<Vec3> x = model->rest_position_m;
+  std::vector<std::vector<MeshEdge>> edges;
+  for (int b = 0; b < 3; ++b) edges.push_back(EdgesOf(*model, b));
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  std::size_t must = 0, total = 0;
+  for (int step = 0; step < 60; ++step) {
+    for (Vec3& p : x)
+      p += 0.02 * Vec3(uniform(random), uniform(random), uniform(random)) + Vec3(0.002, 0, 0);
+    StepReport report;
+    detector.Update(x, &one, &report);
+    const auto near = detector.FindEdges(x, step % 2 ? &one : &two, &report);
+    EXPECT_EQ(report.bits, 0u);
+    std::map<std::array<int, 4>, const NearEdges*> listed;
+    for (const NearEdges& pair : near) {
+      const Triangle& tri = model->triangles[pair.triangle];
+      std::vector<int> ends;
+      for (int k = 0; k < 3; ++k) {
+        if (pair.weights(k) != 0) ends.push_back(tri[k]);
+      }
+      ASSERT_EQ(ends.size(), 2u);
+      listed[{pair.ends[0], pair.ends[1], std::min(ends[0], ends[1]), std::max(ends[0], ends[1])}] =
+          &pair;
+    }
+    ASSERT_EQ(listed.size(), near.size()) << "a pair is listed twice";
+    std::size_t known = 0;
+    for (const auto& [i, j] : {std::pair(0, 1), std::pair(0, 2), std::pair(1, 2)}) {
+      for (const MeshEdge& a : edges[i]) {
+        for (const MeshEdge& b : edges[j]) {
+          const Eigen::Vector2d at = Fractions(x[a.p], x[a.q], x[b.p], x[b.q]);
+          const Vec3 pa = x[a.p] + at(0) * (x[a.q] - x[a.p]);
+          const Vec3 pb = x[b.p] + at(1) * (x[b.q] - x[b.p]);
+          const double distance = (pa - pb).norm();
+          const auto it = listed.find({a.p, a.q, b.p, b.q});
+          const bool inside = at.minCoeff() > 0 && at.maxCoeff() < 1 && distance <= reach;
+          if (!inside) {
+            EXPECT_TRUE(it == listed.end());
+            continue;
+          }
+          // How much nearer than the edge a face is to the other's point.
+          double nearest = 1;
+          const auto look = [&](const std::vector<int>& triangles, const Vec3& p) {
+            for (int t : triangles) {
+              const Triangle& tri = model->triangles[t];
+              nearest = std::min(
+                  nearest,
+                  std::sqrt(
+                      ClosestPointOnTriangle(p, x[tri[0]], x[tri[1]], x[tri[2]]).distance_sq_m2) /
+                      distance);
+            }
+          };
+          look(a.triangles, pb);
+          look(b.triangles, pa);
+          if (it != listed.end()) {
+            ++known;
+            EXPECT_NEAR(std::abs(it->second->gap_m), distance, 1e-12);
+            EXPECT_NEAR(it->second->normal.dot(pa - pb), it->second->gap_m, 1e-12);
+            EXPECT_NEAR(it->second->s, at(0), 1e-6);
+            // cos of the tolerated angle, for the outer side.
+            if (it->second->gap_m > 0) EXPECT_GE(nearest, std::sqrt(1 - 0.01) - 1e-6);
+          } else if (nearest > 1 - 1e-9) {
+            // Nothing is nearer on this side, but both may be seen from inside a body.
+            const auto outward = [&](const MeshEdge& edge, const Vec3& direction) {
+              Vec3 sum = Vec3::Zero();
+              for (int t : edge.triangles) {
+                const Triangle& tri = model->triangles[t];
+                sum += (x[tri[1]] - x[tri[0]]).cross(x[tri[2]] - x[tri[0]]).normalized();
+              }
+              return sum.dot(direction) >= 0;
+            };
+            EXPECT_FALSE((!model->bodies[i].closed || outward(a, pb - pa)) &&
+                         (!model->bodies[j].closed || outward(b, pa - pb)))
+                << "missed";
+          }
+          must += nearest > 1 - 1e-9 && it != listed.end();
+        }
+      }
+    }
+    EXPECT_EQ(known, near.size());
+    total += known;
+  }
+  EXPECT_GT(must, 10u);
+  EXPECT_GT(total, 100u);
 }
 
 TEST(Detector, TellsInsideFromOutsideAtFacesEdgesAndCorners) {

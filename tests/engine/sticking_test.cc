@@ -247,7 +247,7 @@ effects:
   - virtual_adhesive: {capture_distance_m: 0.012, )") +
                            strength + "}\n");
     int releases = 0;
-    for (int step = 0; step < 500; ++step) releases += engine->Step({}).releases;
+    for (int step = 0; step < 1000; ++step) releases += engine->Step({}).releases;
     return releases;
   };
   auto model = ModelOf("bodies:\n  - {name: a, icosphere: {radius_m: 0.6}, mass_kg: 1}\n");

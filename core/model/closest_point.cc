@@ -1,4 +1,4 @@
-#include "core/contact/closest_point.h"
+#include "core/model/closest_point.h"
 
 #include <algorithm>
 #include <array>

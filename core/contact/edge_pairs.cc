@@ -1,0 +1,199 @@
+#include "core/contact/edge_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace adhesim {
+namespace {
+
+constexpr int kGrain = 1024;  // candidates: about 20 us of work
+constexpr int kCandidatesPerParticle = 64;
+constexpr double kParallel = 1e-12;  // squared sine of an angle between edges without a crossing
+
+// Squared distance of two segments (Ericson, Real-Time Collision Detection (2005), section 5.1.9).
+double SegmentDistanceSq(const Vec3& a0, const Vec3& a1, const Vec3& b0, const Vec3& b1) {
+  const Vec3 u = a1 - a0, v = b1 - b0, w = a0 - b0;
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
+  const double uw = u.dot(w), vw = v.dot(w);
+  const double det = uu * vv - uv * uv;
+  const auto fraction = [](double part, double whole) {
+    return whole > 0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
+  };
+  double s = det > kParallel * uu * vv ? fraction(uv * vw - uw * vv, det) : 0;
+  const double t = fraction(uv * s + vw, vv);
+  s = fraction(uv * t - uw, uu);
+  return (w + s * u - t * v).squaredNorm();
+}
+
+}  // namespace
+
+EdgePairs::EdgePairs(const Model& model, double within_m) : model_(model), within_m_(within_m) {
+  owned_.assign(model.triangles.size(), {-1, -1, -1});
+  std::map<std::pair<int, int>, int> number;
+  for (const Body& body : model.bodies) {
+    first_edge_.push_back(static_cast<int>(edges_.size()));
+    for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
+      const Triangle& tri = model.triangles[t];
+      for (int k = 0; k < 3; ++k) {
+        const auto [low, high] = std::minmax(tri[k], tri[(k + 1) % 3]);
+        const auto [at, first] = number.try_emplace({low, high}, static_cast<int>(edges_.size()));
+        if (first) {
+          owned_[t][k] = at->second;
+          edges_.push_back({{low, high}, {t, -1}, {tri[(k + 2) % 3], -1}});
+        } else if (Edge& edge = edges_[at->second]; edge.triangle[1] < 0) {
+          edge.triangle[1] = t;
+          edge.opposite[1] = tri[(k + 2) % 3];
+        }
+      }
+    }
+  }
+  first_edge_.push_back(static_cast<int>(edges_.size()));
+  candidate_.reserve(kCandidatesPerParticle * model.rest_position_m.size() + 4096);
+  crosses_.reserve(candidate_.capacity());
+  near_.reserve(8 * model.rest_position_m.size() + 64);
+}
+
+void EdgePairs::Begin() { candidate_.clear(); }
+
+void EdgePairs::AddBodies(int a, int b, const TriangleTree& tree, std::span<const Vec3> position_m,
+                          StepReport* report) {
+  const Aabb bounds = tree.bounds().Grown(within_m_);
+  for (int e = first_edge_[a]; e < first_edge_[a + 1]; ++e) {
+    const Vec3 &a0 = position_m[edges_[e].ends[0]], &a1 = position_m[edges_[e].ends[1]];
+    Aabb box;
+    box.Add(a0);
+    box.Add(a1);
+    if (!bounds.Overlaps(box)) continue;
+    box = box.Grown(within_m_);
+    tree.Query(box, [&](int t) {
+      for (int other : owned_[t]) {
+        if (other < 0) continue;
+        const Vec3 &b0 = position_m[edges_[other].ends[0]], &b1 = position_m[edges_[other].ends[1]];
+        if (!box.Overlaps({b0.cwiseMin(b1), b0.cwiseMax(b1)})) continue;
+        const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
+        if (distance_sq > within_m_ * within_m_) continue;
+        if (candidate_.size() == candidate_.capacity()) {
+          report->bits |= kStepCandidateCapacity;
+          return;
+        }
+        candidate_.push_back({e, other, std::sqrt(distance_sq)});
+      }
+    });
+  }
+}
+
+void EdgePairs::End() {
+  std::sort(candidate_.begin(), candidate_.end(), [](const Candidate& c, const Candidate& d) {
+    return c.a != d.a ? c.a < d.a : c.b < d.b;
+  });
+}
+
+// With a(s) = a0 + s u, b(t) = b0 + t v, w = a0 - b0, the nearest points of the lines are at
+//   s = ((u.v)(v.w) - (v.v)(u.w)) / det,  t = ((u.u)(v.w) - (u.v)(u.w)) / det,
+//   det = (u.u)(v.v) - (u.v)^2.
+bool EdgePairs::Cross(const Candidate& pair, std::span<const Vec3> position_m, double reach_sq_m2,
+                      Crossing* crossing) const {
+  const Edge &a = edges_[pair.a], &b = edges_[pair.b];
+  const Vec3 &a0 = position_m[a.ends[0]], &b0 = position_m[b.ends[0]];
+  const Vec3 u = position_m[a.ends[1]] - a0, v = position_m[b.ends[1]] - b0, w = a0 - b0;
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
+  const double uw = u.dot(w), vw = v.dot(w);
+  const double det = uu * vv - uv * uv;
+  if (!(det > kParallel * uu * vv)) return false;
+  const double s = uv * vw - vv * uw, t = uu * vw - uv * uw;
+  if (!(s > 0 && s < det && t > 0 && t < det)) return false;
+  crossing->s = s / det;
+  crossing->t = t / det;
+  // An end that round-off makes of an inside is a particle's affair.
+  if (crossing->s == 1 || crossing->t == 1) return false;
+  crossing->offset = w + crossing->s * u - crossing->t * v;
+  return crossing->offset.squaredNorm() <= reach_sq_m2;
+}
+
+// Whether `direction`, which is across the edge, leads away from its faces and, of a closed body,
+// out of it.
+bool EdgePairs::LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
+                          std::span<const Vec3> position_m) const {
+  const Vec3& corner = position_m[edge.ends[0]];
+  const Vec3 along = position_m[edge.ends[1]] - corner;
+  Vec3 normal_sum = Vec3::Zero();
+  for (int k = 0; k < 2 && edge.triangle[k] >= 0; ++k) {
+    const Vec3 arm = position_m[edge.opposite[k]] - corner;
+    // Across the edge into the face.
+    const Vec3 inward = arm - (arm.dot(along) / along.squaredNorm()) * along;
+    const double into = direction.dot(inward);
+    if (into > 0 && into * into > kTolerance * kTolerance * inward.squaredNorm()) return false;
+    const Triangle& tri = model_.triangles[edge.triangle[k]];
+    const Vec3 normal =
+        (position_m[tri[1]] - position_m[tri[0]]).cross(position_m[tri[2]] - position_m[tri[0]]);
+    const double length = normal.norm();
+    if (length > 0) normal_sum += normal / length;
+  }
+  return !closed || direction.dot(normal_sum) >= 0;
+}
+
+bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
+                         std::span<const Vec3> position_m, NearEdges* near) const {
+  const Edge &a = edges_[pair.a], &b = edges_[pair.b];
+  const bool a_closed = model_.bodies[model_.body_of[a.ends[0]]].closed;
+  const bool b_closed = model_.bodies[model_.body_of[b.ends[0]]].closed;
+  const double distance = crossing.offset.norm();
+  // Edges that meet leave the direction to their cross product.
+  const Vec3 direction = distance > 0
+                             ? Vec3(crossing.offset / distance)
+                             : Vec3((position_m[a.ends[1]] - position_m[a.ends[0]])
+                                        .cross(position_m[b.ends[1]] - position_m[b.ends[0]])
+                                        .normalized());
+  const auto faces = [&](const Vec3& from_b) {
+    return LeadsAway(b, b_closed, from_b, position_m) &&
+           LeadsAway(a, a_closed, -from_b, position_m);
+  };
+  if (faces(direction)) {
+    near->normal = direction;
+    near->gap_m = distance;
+  } else if ((a_closed || b_closed || distance == 0) && faces(-direction)) {
+    near->normal = -direction;
+    near->gap_m = -distance;
+  } else {
+    return false;
+  }
+  near->ends = a.ends;
+  near->s = crossing.s;
+  near->triangle = b.triangle[0];
+  const Triangle& tri = model_.triangles[near->triangle];
+  for (int k = 0; k < 3; ++k) {
+    near->weights(k) = tri[k] == b.ends[0] ? 1 - crossing.t : tri[k] == b.ends[1] ? crossing.t : 0;
+  }
+  return true;
+}
+
+std::span<const NearEdges> EdgePairs::Find(std::span<const Vec3> position_m, double reach_m,
+                                           double moved_m, Parallel* parallel, StepReport* report) {
+  // Neither edge has moved more than moved_m, so a pair that was further apart cannot be in reach.
+  const double far_m = reach_m + 2 * moved_m;
+  crosses_.resize(candidate_.size());
+  parallel->For(static_cast<int>(candidate_.size()), kGrain, [&](int begin, int end) {
+    Crossing crossing;
+    for (int c = begin; c < end; ++c) {
+      crosses_[c] = candidate_[c].distance_m <= far_m &&
+                    Cross(candidate_[c], position_m, reach_m * reach_m, &crossing);
+    }
+  });
+  near_.clear();
+  for (std::size_t c = 0; c < candidate_.size(); ++c) {
+    if (!crosses_[c]) continue;
+    Crossing crossing;
+    NearEdges near;
+    Cross(candidate_[c], position_m, reach_m * reach_m, &crossing);
+    if (!Evaluate(candidate_[c], crossing, position_m, &near)) continue;
+    if (near_.size() == near_.capacity()) {
+      report->bits |= kStepCandidateCapacity;
+      break;
+    }
+    near_.push_back(near);
+  }
+  return near_;
+}
+
+}  // namespace adhesim

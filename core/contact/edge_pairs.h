@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "core/contact/triangle_tree.h"
+#include "core/model/frame.h"
+#include "core/model/model.h"
+#include "core/model/parallel.h"
+
+namespace adhesim {
+
+// Edge `a` of one body that crosses over edge `b` of another, nearest in both edges' insides.
+struct NearEdges {
+  std::array<std::int32_t, 2> ends;  // of edge a, ascending
+  double s;                          // its contact point is (1 - s) ends[0] + s ends[1]
+  std::int32_t triangle;             // the lowest that edge b belongs to
+  Vec3 weights;                      // of b's contact point in `triangle`; exactly one is zero
+  Vec3 normal;                       // unit, from b to the side a belongs on
+  double gap_m;                      // along `normal`: negative where the surfaces cross
+};
+
+// Finds edges within reach of other bodies' edges where no particle is: what particles against
+// triangles cannot see, so that without it two coarse surfaces interlock.
+//
+// With p, q the nearest points of the lines, inside both edges, and o = (p - q) / |p - q|: a pair
+// counts where o leads away from both faces at b and -o from both faces at a (within kTolerance).
+// Elsewhere some other feature of the two surfaces is nearer still, and is found as itself. A pair
+// with the same seen from behind has crossed already; that can be told where a body is closed.
+//
+// Like Detector's, the list has a margin and never changes a result.
+class EdgePairs {
+ public:
+  EdgePairs(const Model& model, double within_m);
+
+  // A new list: Begin, AddBodies for every pair of bodies near each other, End.
+  void Begin();
+  // Lists the edges of body `a` within `within_m` of those of body `b`, whose tree is given.
+  void AddBodies(int a, int b, const TriangleTree& tree, std::span<const Vec3> position_m,
+                 StepReport* report);
+  void End();
+
+  // Pairs with |gap| <= reach, ascending by (edge a, edge b), when no particle has moved more than
+  // `moved_m` since the list was made. Allocates nothing.
+  std::span<const NearEdges> Find(std::span<const Vec3> position_m, double reach_m, double moved_m,
+                                  Parallel* parallel, StepReport* report);
+
+ private:
+  // Sine of the angle by which o may lead into a face. 0 would lose edges between coplanar faces to
+  // round-off; a little more holds what is about to become nearest.
+  static constexpr double kTolerance = 0.1;
+
+  struct Edge {
+    std::array<std::int32_t, 2> ends;      // ascending
+    std::array<std::int32_t, 2> triangle;  // ascending; the second is -1 at a border
+    std::array<std::int32_t, 2> opposite;  // the third corners of these
+  };
+  struct Candidate {
+    std::int32_t a, b;
+    double distance_m;  // when the list was made
+  };
+  // Where two lines are nearest, if that is inside both edges and within reach.
+  struct Crossing {
+    double s, t;
+    Vec3 offset;  // from b to a
+  };
+  bool Cross(const Candidate& pair, std::span<const Vec3> position_m, double reach_sq_m2,
+             Crossing* crossing) const;
+  bool LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
+                 std::span<const Vec3> position_m) const;
+  bool Evaluate(const Candidate& pair, const Crossing& crossing, std::span<const Vec3> position_m,
+                NearEdges* near) const;
+
+  const Model& model_;
+  double within_m_;
+  std::vector<Edge> edges_;                         // body by body
+  std::vector<std::int32_t> first_edge_;            // [#bodies + 1]
+  std::vector<std::array<std::int32_t, 3>> owned_;  // [#triangles] edges it is the lowest of, -1
+  std::vector<Candidate> candidate_;                // ascending by (a, b)
+  std::vector<std::uint8_t> crosses_;               // [#candidates]
+  std::vector<NearEdges> near_;
+};
+
+}  // namespace adhesim
