@@ -82,6 +82,27 @@ void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, Step
   Rebuild(position_m, report);
 }
 
+double Detector::ClosingSpeed(std::span<const Vec3> velocity_m_s) const {
+  // Of the triangles of one body that are near the other's box; a point of a triangle is no faster
+  // than its corners.
+  const auto velocities = [&](int body, const Aabb& near) {
+    Aabb box;
+    trees_[body].Query(near, [&](int t) {
+      for (int p : model_.triangles[t]) box.Add(velocity_m_s[p]);
+    });
+    return box;
+  };
+  double fastest_sq = 0;
+  for (const auto& [a, b] : broad_->pairs) {
+    const Aabb of_a = velocities(a, trees_[b].bounds().Grown(reach_m_));
+    const Aabb of_b = velocities(b, trees_[a].bounds().Grown(reach_m_));
+    if (!(of_a.min.x() <= of_a.max.x()) || !(of_b.min.x() <= of_b.max.x())) continue;  // empty
+    fastest_sq =
+        std::max(fastest_sq, (of_a.max - of_b.min).cwiseMax(of_b.max - of_a.min).squaredNorm());
+  }
+  return std::sqrt(fastest_sq);
+}
+
 void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
   listed_position_m_.assign(position_m.begin(), position_m.end());
   moved_m_ = 0;

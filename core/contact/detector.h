@@ -40,6 +40,9 @@ class Detector {
                                        StepReport* report);
 
   double reach_m() const { return reach_m_; }
+  // Upper bound of the speed at which surfaces of different bodies nearer than reach_m() close in,
+  // at these velocities and the positions of the last Update.
+  double ClosingSpeed(std::span<const Vec3> velocity_m_s) const;
   // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`,
   // overlaps `box`.
   template <typename Visit>

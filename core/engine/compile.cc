@@ -13,7 +13,13 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
     return absl::InvalidArgumentError(
         absl::StrCat("threads: ", options.threads, " (permitted: 1 to 64)"));
   }
-  std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options.threads));
+  const std::vector<Simd> available = AvailableSimd();
+  if (std::find(available.begin(), available.end(), options.simd) == available.end()) {
+    return absl::InvalidArgumentError(absl::StrCat("simd: ", SimdName(options.simd),
+                                                   " (this machine has at most ",
+                                                   SimdName(available.back()), ")"));
+  }
+  std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options));
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
   if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
   if (absl::Status status = pipeline->CompileTools(); !status.ok()) return status;

@@ -10,6 +10,7 @@
 
 #include "core/model/frame.h"
 #include "core/model/model.h"
+#include "core/model/simd.h"
 #include "core/model/state.h"
 
 namespace adhesim {
@@ -27,15 +28,16 @@ struct ToolInput {
 // One scene in motion. Not thread-safe: one owner thread at a time.
 //
 // Step() allocates nothing, locks nothing, throws nothing, and gives the same bits for any number
-// of threads.
+// of threads and any instruction set.
 class Engine {
  public:
   struct Options {
-    int threads = 1;  // worker threads including the caller's, 1..64
+    int threads = 1;         // worker threads including the caller's, 1..64
+    Simd simd = BestSimd();  // one of AvailableSimd()
   };
 
   // Compiles the model's effects into a pipeline. Errors: InvalidArgument for an effect that was
-  // not compiled in or a scene that needs more sub-steps than it permits.
+  // not compiled in, a scene that needs more sub-steps than it permits, an option out of range.
   static absl::StatusOr<std::unique_ptr<Engine>> Create(std::shared_ptr<const Model> model,
                                                         const Options& options);
   virtual ~Engine() = default;

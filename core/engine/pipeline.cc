@@ -94,7 +94,15 @@ int Pipeline::SubstepsNow() {
     turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
   }
   const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
-  const double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
+  double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
+  if (!(wanted <= substeps_) && state_.tools.empty()) {
+    // Only what is within reach needs so many; the rest has further to go.
+    detector_->Update(state_.position_m, &parallel_, &report_);
+    const double near =
+        detector_->ClosingSpeed(state_.velocity_m_s) * model_->dt_s / (0.5 * contact_distance_m_);
+    const double far = closing * model_->dt_s / (detector_->reach_m() - 0.5 * contact_distance_m_);
+    wanted = near > far ? near : far;
+  }
   if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
   // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
   const double bounded = wanted <= model_->max_substeps ? wanted : model_->max_substeps;

@@ -43,8 +43,8 @@ class Pipeline : public Engine {
   void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }
 
  private:
-  Pipeline(std::shared_ptr<const Model> model, int threads)
-      : model_(std::move(model)), parallel_(threads) {}
+  Pipeline(std::shared_ptr<const Model> model, const Options& options)
+      : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
   void CompileContact();
   absl::Status CompileTools();

@@ -2,7 +2,7 @@
 
 namespace adhesim {
 
-Parallel::Parallel(int threads) {
+Parallel::Parallel(int threads, Simd simd) : simd_(simd) {
   for (int share = 1; share < threads; ++share) {
     workers_.emplace_back([this, share] { Work(share); });
   }

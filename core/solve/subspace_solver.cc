@@ -13,6 +13,13 @@ constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an ite
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
 constexpr int kSlideSweeps = 8;            // over the sliding contacts in one turn
 constexpr int kGrain = 4096;               // particles: about 20 us of work
+constexpr int kPartParticles = 512;        // at most, of one part
+
+// An array of vectors as the numbers it holds, for loops that treat all three alike.
+double* Flat(std::vector<Vec3>& vectors) { return vectors.empty() ? nullptr : vectors[0].data(); }
+const double* Flat(std::span<const Vec3> vectors) {
+  return vectors.empty() ? nullptr : vectors[0].data();
+}
 
 }  // namespace
 
@@ -29,17 +36,36 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   }
   rows_ = static_cast<int>(row_.size());
   old_twist_.resize(model.tools.size());
-  if (rows_ == 0) return;
-  row_of_.assign(n, -1);
-  gradient_.assign(n, Vec3::Zero());
+  per_kg_.resize(n);
+  for (std::size_t p = 0; p < n; ++p) {
+    per_kg_[p].setConstant(model.fixed[p] ? 0 : 1 / model.mass_kg[p]);
+  }
+  if (rows_ > 0) {
+    row_of_.assign(n, -1);
+    gradient_.assign(n, Vec3::Zero());
+    response_.assign(n, Vec3::Zero());
+  }
   for (int r = 0; r < rows_; ++r) {
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) row_of_[p] = r;
   }
+  MakeParts();
+  if (rows_ == 0) return;
   on_zone_.reserve(n);
-  for (auto* array : {&multiplier_, &diagonal_, &preconditioner_, &residual_, &change_, &cg_r_,
-                      &cg_p_, &cg_ap_, &cg_z_}) {
+  for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &change_,
+                      &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
     array->assign(rows_, 0);
   }
+}
+
+void SubspaceSolver::MakeParts() {
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    const int row = row_of_.empty() ? -1 : row_of_[p];
+    if (parts_.empty() || parts_.back().row != row || parts_.back().count == kPartParticles) {
+      parts_.push_back({p, 0, row});
+    }
+    ++parts_.back().count;
+  }
+  part_grain_ = 1 + static_cast<int>(parts_.size() * std::size_t{kGrain} / (1 + per_kg_.size()));
 }
 
 void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool_twist) {
@@ -75,12 +101,10 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
                          std::span<const Twist> tool_twist, double dt_s, Parallel* parallel,
                          StepReport* report) {
-  parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
-    for (int p = begin; p < end; ++p) {
-      free_m_s_[p] = model_.fixed[p]
-                         ? Vec3::Zero()
-                         : Vec3(state.velocity_m_s[p] + (dt_s / model_.mass_kg[p]) * force_n[p]);
-    }
+  parallel->VectorFor(model_.particle_count(), kGrain, [&](int begin, int end) {
+    const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
+    double* free = Flat(free_m_s_);
+    for (int i = 3 * begin; i < 3 * end; ++i) free[i] = v[i] + (dt_s * per_kg[i]) * f[i];
   });
   BuildGroups(state, tool_twist);
   ProjectGroups(state);
@@ -114,52 +138,62 @@ void SubspaceSolver::ProjectGroups(const State& state) {
 
 // Velocities from the free ones, the multipliers and the groups' twists.
 void SubspaceSolver::KickAll(const State& state) {
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    const int zone = state.contacts.zone_of[p];
-    if (model_.fixed[p]) {
-      kicked_m_s_[p].setZero();
-    } else if (zone >= 0) {
-      kicked_m_s_[p] = groups_[zone].VelocityAt(state.position_m[p]);
-    } else {
-      kicked_m_s_[p] = free_m_s_[p] + ConstraintImpulse(p) / model_.mass_kg[p];
+  for (const Part& part : parts_) {
+    const double multiplier = part.row < 0 ? 0 : multiplier_[part.row];
+    const double *free = Flat(free_m_s_), *response = Flat(response_);
+    double* kicked = Flat(kicked_m_s_);
+    for (int i = 3 * part.first; i < 3 * (part.first + part.count); ++i) {
+      kicked[i] = part.row < 0 ? free[i] : free[i] + multiplier * response[i];
+    }
+  }
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    for (int p : Members(state.contacts, static_cast<int>(z))) {
+      kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : groups_[z].VelocityAt(state.position_m[p]);
     }
   }
 }
 
 // The same, and positions and velocities after the move.
 void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel) {
-  for (RigidGroup& group : groups_) group.Move(dt_s);
-  parallel->For(model_.particle_count(), kGrain, [&](int begin, int end) {
-    for (int p = begin; p < end; ++p) {
-      const Vec3& x = state.position_m[p];
-      const int zone = state.contacts.zone_of[p];
-      if (model_.fixed[p]) {
-        kicked_m_s_[p] = moved_velocity_m_s_[p] = Vec3::Zero();
-        moved_m_[p] = x;
-      } else if (zone >= 0) {
-        const RigidGroup& group = groups_[zone];
-        kicked_m_s_[p] = group.VelocityAt(x);
-        moved_m_[p] = group.MovedPosition(x);
-        moved_velocity_m_s_[p] = group.MovedVelocity(moved_m_[p]);
-      } else {
-        kicked_m_s_[p] = free_m_s_[p] + ConstraintImpulse(p) / model_.mass_kg[p];
-        moved_velocity_m_s_[p] = kicked_m_s_[p];
-        moved_m_[p] = x + dt_s * kicked_m_s_[p];
+  parallel->VectorFor(static_cast<int>(parts_.size()), part_grain_, [&](int begin, int end) {
+    const double *x = Flat(state.position_m), *free = Flat(free_m_s_), *response = Flat(response_);
+    double *kicked = Flat(kicked_m_s_), *moved = Flat(moved_m_), *after = Flat(moved_velocity_m_s_);
+    for (int k = begin; k < end; ++k) {
+      const Part& part = parts_[k];
+      const double multiplier = part.row < 0 ? 0 : multiplier_[part.row];
+      for (int i = 3 * part.first; i < 3 * (part.first + part.count); ++i) {
+        const double v = part.row < 0 ? free[i] : free[i] + multiplier * response[i];
+        kicked[i] = after[i] = v;
+        moved[i] = x[i] + dt_s * v;
       }
     }
   });
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    RigidGroup& group = groups_[z];
+    group.Move(dt_s);
+    for (int p : Members(state.contacts, static_cast<int>(z))) {
+      if (model_.fixed[p]) continue;
+      const Vec3& x = state.position_m[p];
+      kicked_m_s_[p] = group.VelocityAt(x);
+      moved_m_[p] = group.MovedPosition(x);
+      moved_velocity_m_s_[p] = group.MovedVelocity(moved_m_[p]);
+    }
+  }
 }
 
 void SubspaceSolver::CollectRows(const State& state) {
   for (const Effect* effect : constraints_)
     effect->ConstraintGradients(state.position_m, gradient_);
-  std::fill(diagonal_.begin(), diagonal_.end(), 0);
   for (int r = 0; r < rows_; ++r) {
+    double free = 0, all = 0;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-      if (!model_.fixed[p] && state.contacts.zone_of[p] < 0) {
-        diagonal_[r] += gradient_[p].squaredNorm() / model_.mass_kg[p];
-      }
+      response_[p] = gradient_[p].cwiseProduct(per_kg_[p]);
+      const double mobility = gradient_[p].dot(response_[p]);
+      all += mobility;
+      if (state.contacts.zone_of[p] < 0) free += mobility;
     }
+    diagonal_[r] = free;
+    movable_[r] = all;
   }
   on_zone_.clear();
   for (int z = 0; z < static_cast<int>(groups_.size()); ++z) {
@@ -184,11 +218,7 @@ void SubspaceSolver::CollectRows(const State& state) {
   }
   // A body whose every particle is held cannot change its volume: its row drops out.
   for (int r = 0; r < rows_; ++r) {
-    double all = 0;
-    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-      all += gradient_[p].squaredNorm() / model_.mass_kg[p];
-    }
-    if (!(preconditioner_[r] > 1e-12 * all)) preconditioner_[r] = 0;
+    if (!(preconditioner_[r] > 1e-12 * movable_[r])) preconditioner_[r] = 0;
   }
 }
 
@@ -342,8 +372,8 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
     slid_ = slides_.Judge(*state, {kicked_m_s_, groups_}, dt_s);
     for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
   }
-  state->position_m = moved_m_;
-  state->velocity_m_s = moved_velocity_m_s_;
+  state->position_m.swap(moved_m_);
+  state->velocity_m_s.swap(moved_velocity_m_s_);
   StoreMomenta(state);
 }
 

@@ -68,6 +68,11 @@ class SubspaceSolver {
     std::int32_t row, zone;
     Vec3 force, moment;
   };
+  // Consecutive particles on which the same row acts, or none (-1).
+  struct Part {
+    std::int32_t first, count, row;
+  };
+  void MakeParts();
   void BuildGroups(const State& state, std::span<const Twist> tool_twist);
   void StoreMomenta(State* state) const;
   void ProjectGroups(const State& state);
@@ -90,6 +95,9 @@ class SubspaceSolver {
   int rows_ = 0;
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
+  std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed
+  std::vector<Part> parts_;   // all particles
+  int part_grain_ = 1;        // parts that are worth a thread
   std::vector<RigidGroup> groups_;
   ContactRows slides_;
   std::span<const ContactRows::Verdict> slid_;
@@ -98,8 +106,10 @@ class SubspaceSolver {
       row_of_;  // [#particles] the row that acts on it, or -1; empty without rows
   std::vector<ConstraintRow> row_;      // [#rows]
   std::vector<Vec3> gradient_;          // [#particles]
+  std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient
   std::vector<double> diagonal_;        // [#rows] of free particles; 0: nothing can move
+  std::vector<double> movable_;         // [#rows] the same with those in zones as if they were free
   std::vector<double> preconditioner_;  // [#rows]
   std::vector<RowOnZone> on_zone_;
   std::vector<Twist> zone_response_;                                    // [#zones]

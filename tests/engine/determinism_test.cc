@@ -33,6 +33,33 @@ TEST(Determinism, EveryBuildGivesTheseBits) {
   EXPECT_EQ(engine->StateHash(), 12231388736227771391ull);
 }
 
+// Every set of instructions that the loops are compiled for and that this machine can run.
+TEST(Determinism, EveryInstructionSetGivesTheSameBits) {
+  const std::vector<Simd> available = AvailableSimd();
+  if (available.size() == 1) GTEST_SKIP() << "this machine has the baseline only";
+  const auto cells = ModelOf(kChurningCells), needle = ModelOf(NeedleScene(kPressAndPull));
+  for (const auto& model : {cells, needle}) {
+    auto plain = EngineOf(model, 1, Simd::kBaseline);
+    StepMany(plain.get(), 400);
+    for (Simd simd : available) {
+      SCOPED_TRACE(SimdName(simd));
+      for (int threads : {1, 2}) {
+        auto engine = EngineOf(model, threads, simd);
+        StepMany(engine.get(), 400);
+        EXPECT_EQ(engine->StateHash(), plain->StateHash());
+        EXPECT_EQ(engine->state().ledger.worst_j, plain->state().ledger.worst_j);
+        EXPECT_EQ(engine->state().momentum.scale_angular, plain->state().momentum.scale_angular);
+      }
+    }
+  }
+}
+
+TEST(Determinism, AnInstructionSetThatTheMachineLacksIsRefused) {
+  if (AvailableSimd().size() == 3) GTEST_SKIP() << "this machine has them all";
+  const auto engine = Engine::Create(ModelOf(kChurningCells), {.simd = Simd::kAvx512});
+  EXPECT_EQ(engine.status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST(Determinism, HashSeesASingleBit) {
   auto engine = EngineOf(kChurningCells);
   StepMany(engine.get(), 10);

@@ -24,8 +24,9 @@ inline std::shared_ptr<const Model> ModelOf(const std::string& yaml) {
   return ModelOf(ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR));
 }
 
-inline std::unique_ptr<Engine> EngineOf(std::shared_ptr<const Model> model, int threads = 1) {
-  auto engine = Engine::Create(std::move(model), {.threads = threads});
+inline std::unique_ptr<Engine> EngineOf(std::shared_ptr<const Model> model, int threads = 1,
+                                        Simd simd = BestSimd()) {
+  auto engine = Engine::Create(std::move(model), {.threads = threads, .simd = simd});
   EXPECT_TRUE(engine.ok()) << engine.status();
   return *std::move(engine);
 }

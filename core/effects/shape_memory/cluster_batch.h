@@ -5,14 +5,15 @@
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/model/simd.h"
 
 namespace adhesim {
 
-// Clusters side by side, one a SIMD lane: four run through the same arithmetic at once (eight
-// spill AVX2's registers and are three times slower). There are
-// no sums across lanes and no fused multiply-adds, so that every instruction set gives the same
-// bits; which one runs is chosen at start.
-inline constexpr int kLanes = 4;
+// Clusters side by side, one a SIMD lane: as many as the registers hold run through the same
+// arithmetic at once (eight with AVX-512, four with AVX2, whose sixteen registers eight would
+// spill, three times slower). There are no sums across lanes and no fused multiply-adds, so that
+// every instruction set gives the same bits.
+inline constexpr int kLanes = 8;
 
 // One number a lane.
 struct alignas(sizeof(double) * kLanes) Lanes {
@@ -48,9 +49,9 @@ struct ClusterForces {
 // Evaluates E = 1/2 k w sum |x_j - C - R q_j|^2 of every lane and its forces; `rotation` is R as
 // quaternions x, y, z, w, the last one being the guess. Returns the lanes (bits) whose rotation
 // Newton could not find: the caller finds it and calls again.
-unsigned EvaluateClusters(const ClusterBatch& batch, std::span<const ClusterEntry> entries,
-                          std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
-                          double stiffness_n_m, double damping_n_s_m, Lanes rotation[4],
-                          const ClusterForces& out);
+unsigned EvaluateClusters(Simd simd, const ClusterBatch& batch,
+                          std::span<const ClusterEntry> entries, std::span<const Vec3> position_m,
+                          std::span<const Vec3> velocity_m_s, double stiffness_n_m,
+                          double damping_n_s_m, Lanes rotation[4], const ClusterForces& out);
 
 }  // namespace adhesim

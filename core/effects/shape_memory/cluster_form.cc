@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 
 #include "core/effects/registry.h"
 #include "core/model/polar.h"
@@ -9,8 +10,10 @@
 namespace adhesim {
 namespace {
 
-constexpr int kBatchGrain = 64;       // batches: about 50 us of work
+constexpr int kBatchGrain = 64;       // batches: about 40 us of work
 constexpr int kParticleGrain = 4096;  // particles: likewise
+// Clusters whose forces are summed as soon as they are known, while the first-level cache has them.
+constexpr int kBlockClusters = 128;
 
 int ClusterSize(const Model& model, int particle) {
   return 1 + model.neighbour_start[particle + 1] - model.neighbour_start[particle];
@@ -36,18 +39,30 @@ ClusterForm::ClusterForm(const Model& model, const v1::ShapeMemory& message)
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       if (Moves(model, p)) centres.push_back(p);
     }
+    // Whole bodies: clusters of one have no particles of another.
+    if (static_cast<int>(centres.size()) >= kBlockClusters) AddBlock(model, &centres);
   }
-  // Clusters of a size share batches, so that few lanes idle.
-  std::stable_sort(centres.begin(), centres.end(),
-                   [&](int p, int q) { return ClusterSize(model, p) < ClusterSize(model, q); });
-  for (std::size_t first = 0; first < centres.size(); first += kLanes) {
-    AddBatch(model, std::span(centres).subspan(
-                        first, std::min<std::size_t>(kLanes, centres.size() - first)));
-  }
-  CollectSlots(model);
+  AddBlock(model, &centres);
   elastic_n_.resize(entry_.size());
   if (damping_n_s_m_ > 0) damping_n_.resize(entry_.size());
   energy_j_.resize(batch_.size());
+}
+
+void ClusterForm::AddBlock(const Model& model, std::vector<int>* centres) {
+  // Clusters of a size share batches, so that few lanes idle.
+  std::stable_sort(centres->begin(), centres->end(),
+                   [&](int p, int q) { return ClusterSize(model, p) < ClusterSize(model, q); });
+  const int first_entry = static_cast<int>(entry_.size());
+  Block block{static_cast<int>(batch_.size()), 0, static_cast<int>(particle_.size()), 0};
+  for (std::size_t first = 0; first < centres->size(); first += kLanes) {
+    AddBatch(model, std::span(*centres).subspan(
+                        first, std::min<std::size_t>(kLanes, centres->size() - first)));
+  }
+  CollectSlots(first_entry);
+  block.end_batch = static_cast<int>(batch_.size());
+  block.end_particle = static_cast<int>(particle_.size());
+  block_.push_back(block);
+  centres->clear();
 }
 
 void ClusterForm::AddBatch(const Model& model, std::span<const int> particles) {
@@ -85,19 +100,17 @@ void ClusterForm::AddBatch(const Model& model, std::span<const int> particles) {
   batch_.push_back(batch);
 }
 
-void ClusterForm::CollectSlots(const Model& model) {
-  std::vector<std::vector<int>> slots(model.rest_position_m.size());
-  for (int e = 0; e < static_cast<int>(entry_.size()); ++e) {
+void ClusterForm::CollectSlots(int first_entry) {
+  std::map<int, std::vector<int>> slots;  // by particle
+  for (int e = first_entry; e < static_cast<int>(entry_.size()); ++e) {
     for (int lane = 0; lane < kLanes; ++lane) {
       if (entry_[e].present.v[lane] > 0)
-        slots[entry_[e].particle[lane]].push_back(e * kLanes + lane);
+        slots[entry_[e].particle[lane]].push_back(e * kSlotStride + lane);
     }
   }
-  slot_start_.push_back(0);
-  for (int p = 0; p < static_cast<int>(slots.size()); ++p) {
-    if (slots[p].empty()) continue;
-    particle_.push_back(p);
-    slot_.insert(slot_.end(), slots[p].begin(), slots[p].end());
+  for (const auto& [particle, of_particle] : slots) {
+    particle_.push_back(particle);
+    slot_.insert(slot_.end(), of_particle.begin(), of_particle.end());
     slot_start_.push_back(static_cast<int>(slot_.size()));
   }
 }
@@ -122,29 +135,42 @@ void ClusterForm::AddBounds(std::span<double> stiffness_n_m,
 }
 
 double ClusterForm::AddForces(const ForceInput& in, const ForceOutput& out) const {
-  in.parallel->For(static_cast<int>(batch_.size()), kBatchGrain, [&](int begin, int end) {
+  const auto evaluate = [&](int begin, int end) {
     for (int b = begin; b < end; ++b) EvaluateBatch(b, in);
-  });
-  const auto sum = [&](const std::vector<Lanes3>& entries, int k) {
-    Vec3 force = Vec3::Zero();
-    for (int s = slot_start_[k]; s < slot_start_[k + 1]; ++s) {
-      const Lanes3& lanes = entries[slot_[s] / kLanes];
-      const int lane = slot_[s] % kLanes;
-      force += Vec3(lanes.x.v[lane], lanes.y.v[lane], lanes.z.v[lane]);
-    }
-    return force;
   };
-  in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, [&](int begin, int end) {
-    for (int k = begin; k < end; ++k) {
-      out.elastic[particle_[k]] += sum(elastic_n_, k);
-      if (damping_n_s_m_ > 0) out.damping[particle_[k]] += sum(damping_n_, k);
+  const auto sum = [&](int begin, int end) {
+    SumForces(elastic_n_, begin, end, out.elastic);
+    if (damping_n_s_m_ > 0) SumForces(damping_n_, begin, end, out.damping);
+  };
+  if (in.parallel->threads() == 1) {
+    for (const Block& block : block_) {
+      evaluate(block.first_batch, block.end_batch);
+      sum(block.first_particle, block.end_particle);
     }
-  });
+  } else {
+    in.parallel->For(static_cast<int>(batch_.size()), kBatchGrain, evaluate);
+    in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, sum);
+  }
   double energy = 0;
   for (const Lanes& lanes : energy_j_) {
     for (double e : lanes.v) energy += e;
   }
   return energy;
+}
+
+void ClusterForm::SumForces(const std::vector<Lanes3>& entries, int begin, int end,
+                            std::span<Vec3> force_n) const {
+  const double* lanes = entries[0].x.v;
+  for (int k = begin; k < end; ++k) {
+    double x = 0, y = 0, z = 0;
+    for (int s = slot_start_[k]; s < slot_start_[k + 1]; ++s) {
+      const double* at = lanes + slot_[s];
+      x += at[0];
+      y += at[kLanes];
+      z += at[2 * kLanes];
+    }
+    force_n[particle_[k]] += Vec3(x, y, z);
+  }
 }
 
 // The whole energy of a cluster is its centre's, the first member. Idle lanes have none.
@@ -168,15 +194,16 @@ void ClusterForm::EvaluateBatch(int b, const ForceInput& in) const {
   double* stored = &in.effect_state[4 * kLanes * b];
   Lanes rotation[4];
   std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
-  const unsigned failed = EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s,
-                                           stiffness_n_m_, damping_n_s_m_, rotation, forces);
+  const unsigned failed =
+      EvaluateClusters(in.parallel->simd(), batch, entries, in.position_m, in.velocity_m_s,
+                       stiffness_n_m_, damping_n_s_m_, rotation, forces);
   if (failed != 0) {
     // Tumbling or inverted: start afresh where the maximum is, and go on from there.
     for (int lane = 0; lane < kLanes; ++lane) {
       if (failed & (1u << lane)) RestartRotation(b, lane, in.position_m, rotation);
     }
-    EvaluateClusters(batch, entries, in.position_m, in.velocity_m_s, stiffness_n_m_, damping_n_s_m_,
-                     rotation, forces);
+    EvaluateClusters(in.parallel->simd(), batch, entries, in.position_m, in.velocity_m_s,
+                     stiffness_n_m_, damping_n_s_m_, rotation, forces);
   }
   std::memcpy(stored, rotation, sizeof(rotation));
 }
