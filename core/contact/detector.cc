@@ -65,6 +65,7 @@ Detector::Detector(const Model& model, double reach_m, bool edges)
   evaluated_.reserve(groups_.capacity());
   near_.reserve(groups_.capacity());
   listed_position_m_.reserve(model.rest_position_m.size());
+  box_.resize(model.bodies.size());
   if (edges) edge_pairs_ = std::make_unique<EdgePairs>(model, reach_m_ + skin_m_);
 }
 
@@ -82,20 +83,32 @@ void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, Step
   Rebuild(position_m, report);
 }
 
-double Detector::ClosingSpeed(std::span<const Vec3> velocity_m_s) const {
+double Detector::ClosingSpeed(std::span<const Vec3> position_m,
+                              std::span<const Vec3> velocity_m_s) {
+  for (std::size_t b = 0; b < box_.size(); ++b) {
+    const Body& body = model_.bodies[b];
+    box_[b] = Aabb{};
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+      box_[b].Add(position_m[p]);
+  }
   // Of the triangles of one body that are near the other's box; a point of a triangle is no faster
-  // than its corners.
+  // than its corners. The trees name more than that, depending on when their list was made: the
+  // boxes of now decide.
   const auto velocities = [&](int body, const Aabb& near) {
-    Aabb box;
+    Aabb found;
     trees_[body].Query(near, [&](int t) {
-      for (int p : model_.triangles[t]) box.Add(velocity_m_s[p]);
+      const Triangle& tri = model_.triangles[t];
+      Aabb box;
+      for (int p : tri) box.Add(position_m[p]);
+      if (!box.Overlaps(near)) return;
+      for (int p : tri) found.Add(velocity_m_s[p]);
     });
-    return box;
+    return found;
   };
   double fastest_sq = 0;
   for (const auto& [a, b] : broad_->pairs) {
-    const Aabb of_a = velocities(a, trees_[b].bounds().Grown(reach_m_));
-    const Aabb of_b = velocities(b, trees_[a].bounds().Grown(reach_m_));
+    const Aabb of_a = velocities(a, box_[b].Grown(reach_m_));
+    const Aabb of_b = velocities(b, box_[a].Grown(reach_m_));
     if (!(of_a.min.x() <= of_a.max.x()) || !(of_b.min.x() <= of_b.max.x())) continue;  // empty
     fastest_sq =
         std::max(fastest_sq, (of_a.max - of_b.min).cwiseMax(of_b.max - of_a.min).squaredNorm());

@@ -98,8 +98,8 @@ int Pipeline::SubstepsNow() {
   if (!(wanted <= substeps_) && state_.tools.empty()) {
     // Only what is within reach needs so many; the rest has further to go.
     detector_->Update(state_.position_m, &parallel_, &report_);
-    const double near =
-        detector_->ClosingSpeed(state_.velocity_m_s) * model_->dt_s / (0.5 * contact_distance_m_);
+    const double near = detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s) *
+                        model_->dt_s / (0.5 * contact_distance_m_);
     const double far = closing * model_->dt_s / (detector_->reach_m() - 0.5 * contact_distance_m_);
     wanted = near > far ? near : far;
   }
