@@ -81,6 +81,7 @@ struct AdhesiveParameters {
   double release_distance_m = 0;  // d_off > d_on
   Strength strength;
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
+  bool self_collision = false;         // surfaces stick to themselves too
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.
