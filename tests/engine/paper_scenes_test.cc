@@ -20,7 +20,8 @@ TEST(PaperScenes, HaveThePapersCounts) {
   };
   for (const Counts& paper :
        {Counts{"six_spheres_on_plane", 693, 1280}, Counts{"two_cells_sticky", 84, 160},
-        Counts{"two_cells_slippery", 84, 160}, Counts{"cell_aggregation", 1050, 2000}}) {
+        Counts{"two_cells_slippery", 84, 160}, Counts{"rolling_ball", 217, 368},
+        Counts{"cell_aggregation", 1050, 2000}}) {
     const auto engine = SceneEngine(std::string("paper/") + paper.scene + ".yaml");
     EXPECT_EQ(engine->model().particle_count(), paper.particles) << paper.scene;
     EXPECT_EQ(static_cast<int>(engine->model().triangles.size()), paper.triangles) << paper.scene;
@@ -86,8 +87,8 @@ TEST(PaperScenes, HalfOfTheContactIsThereWithinTwoSeconds) {
     const char* scene;
     double duration_s;  // as the scene's file says
   };
-  for (const Run& run :
-       {Run{"six_spheres_on_plane", 6}, Run{"two_cells_sticky", 5}, Run{"cell_aggregation", 4}}) {
+  for (const Run& run : {Run{"six_spheres_on_plane", 6}, Run{"two_cells_sticky", 5},
+                         Run{"rolling_ball", 2}, Run{"cell_aggregation", 4}}) {
     const auto engine = SceneEngine(std::string("paper/") + run.scene + ".yaml");
     StepMany(engine.get(), 2000);
     const int early = engine->state().contacts.colliding_particles;
