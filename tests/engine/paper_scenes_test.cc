@@ -21,7 +21,8 @@ TEST(PaperScenes, HaveThePapersCounts) {
   for (const Counts& paper :
        {Counts{"six_spheres_on_plane", 693, 1280}, Counts{"two_cells_sticky", 84, 160},
         Counts{"two_cells_slippery", 84, 160}, Counts{"rolling_ball", 217, 368},
-        Counts{"cell_aggregation", 1050, 2000}}) {
+        Counts{"cell_aggregation", 1050, 2000}, Counts{"cell_aggregation_x10", 10500, 20000},
+        Counts{"cell_aggregation_x100", 105000, 200000}}) {
     const auto engine = SceneEngine(std::string("paper/") + paper.scene + ".yaml");
     EXPECT_EQ(engine->model().particle_count(), paper.particles) << paper.scene;
     EXPECT_EQ(static_cast<int>(engine->model().triangles.size()), paper.triangles) << paper.scene;
@@ -124,6 +125,17 @@ TEST(PaperScenes, CellsAggregate) {
   }
   EXPECT_LT(RadiusOfGyration(*engine), 0.75 * before_m);
   EXPECT_LE(engine->state().contacts.zones.size(), 3u);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+}
+
+// Ten and a hundred times Fig. 6: the cells start touching, so that the second half of the run is
+// contact.
+TEST(PaperScenes, PackedCellsAreInContactFromTheStart) {
+  if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
+  const auto engine =
+      SceneEngine("paper/cell_aggregation_x" + std::to_string(TestSize(10, 100)) + ".yaml");
+  EXPECT_EQ(StepMany(engine.get(), 250), 0u);
+  EXPECT_GE(engine->state().contacts.colliding_particles, 0.3 * engine->model().particle_count());
   EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
 }
 
