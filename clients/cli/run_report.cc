@@ -52,6 +52,7 @@ Json EnergyJson(const Engine& engine) {
           {"numerical_j", ledger.numerical_j},
           {"correction_j", ledger.correction_j},
           {"volume_j", ledger.volume_j},
+          {"sliding_j", ledger.sliding_j},
           {"identity_error", IdentityError(ledger)}};
 }
 

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <tuple>
 
+#include "core/model/bond_geometry.h"
+#include "core/model/chance.h"
+
 namespace adhesim {
 namespace {
 
@@ -39,7 +42,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
     release_distance_m_ = model.adhesive->release_distance_m;
   }
   limit_.resize(model.rest_position_m.size());
-  bond_released_.reserve(4 * model.rest_position_m.size() + 64);
+  bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   kept_.reserve(4 * model.rest_position_m.size() + 64);
 }
@@ -110,14 +113,70 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
     bond.side = candidate.side;
     bond.gap_sign = candidate.gap_m < 0 ? -1 : 1;
     bond.gap_m = candidate.gap_m;
-    for (int k = 0; k < 3; ++k) {
-      bond.weights[k] = candidate.weights(k);
-      bond.vertices[k] = candidate.weights(k) > kMinWeight ? tri[k] : -1;
-    }
+    for (int k = 0; k < 3; ++k) bond.weights[k] = candidate.weights(k);
+    ShowMembers(&bond);
+    bond.sliding = model_.adhesive->friction_coefficient.has_value();
     captured += Insert(bond, contacts, report);
   }
   report->captures += captured;
   return captured;
+}
+
+// The corners that take part.
+void Adhesive::ShowMembers(Bond* bond) const {
+  for (int k = 0; k < 3; ++k) {
+    bond->vertices[k] = bond->weights[k] > kMinWeight ? model_.triangles[bond->triangle][k] : -1;
+  }
+}
+
+int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) {
+  int changes = 0;
+  for (Bond& bond : contacts->bonds) {
+    if (!bond.sliding) continue;
+    const int body = model_.body_of[model_.triangles[bond.triangle][0]];
+    const auto pair = std::lower_bound(
+        near.begin(), near.end(), std::pair(bond.particle, body),
+        [](const NearPair& a, auto b) { return std::pair(a.particle, a.body) < b; });
+    if (pair == near.end() || pair->particle != bond.particle || pair->body != body ||
+        pair->gap_m > release_distance_m_) {
+      bond.triangle = -1;
+      ++changes;
+      continue;
+    }
+    changes += bond.triangle != pair->triangle || bond.settled;
+    bond.triangle = pair->triangle;
+    for (int k = 0; k < 3; ++k) bond.weights[k] = pair->weights(k);
+    bond.gap_m = pair->gap_m;
+    bond.gap_sign = pair->gap_m < 0 ? -1 : 1;
+    if (model_.bodies[body].closed) {
+      bond.side = pair->side;
+    } else if (pair->side != bond.side) {  // an open surface has been crossed: back to its side
+      bond.gap_sign = -1;
+      bond.gap_m = -pair->gap_m;
+    }
+    ShowMembers(&bond);
+    bond.sliding = !bond.settled;
+    bond.settled = false;
+  }
+  if (changes == 0) return 0;
+  std::erase_if(contacts->bonds, [](const Bond& bond) { return bond.triangle < 0; });
+  std::sort(contacts->bonds.begin(), contacts->bonds.end(),
+            [](const Bond& a, const Bond& b) { return Key(a) < Key(b); });
+  return changes;
+}
+
+void Adhesive::EndSliding(int b, bool settled, bool parted, Contacts* contacts) {
+  Bond& bond = contacts->bonds[b];
+  bond.settled = settled;
+  if (!parted) return;
+  AddReleased(bond.particle, model_.body_of[model_.triangles[bond.triangle][0]], bond.gap_m,
+              contacts);
+  bond.triangle = -1;
+}
+
+int Adhesive::RemoveParted(Contacts* contacts) {
+  return static_cast<int>(
+      std::erase_if(contacts->bonds, [](const Bond& bond) { return bond.triangle < 0; }));
 }
 
 bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
@@ -178,40 +237,25 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
 // From the triangle (or tool) to the particle's (or tissue's) side.
 Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
   if (bond.tool >= 0) return state.tools[bond.tool].pose.orientation * bond.tool_normal;
-  const Triangle& tri = model_.triangles[bond.triangle];
-  const Vec3 &a = state.position_m[tri[0]], &b = state.position_m[tri[1]],
-             &c = state.position_m[tri[2]];
-  const Vec3 offset = state.position_m[bond.particle] -
-                      (bond.weights[0] * a + bond.weights[1] * b + bond.weights[2] * c);
-  const double distance = offset.norm();
-  // Too near to have a direction of its own: take the triangle's.
-  if (distance > 1e-3 * capture_distance_m_) return offset * (bond.gap_sign / distance);
-  return (b - a).cross(c - a).normalized() * bond.side;
+  return GeometryOf(bond, model_, state.position_m).normal;
 }
 
 void Adhesive::Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                          Limit* limit) const {
-  const AdhesiveParameters& adhesive = *model_.adhesive;
-  double normal_n, shear_n;
+  BondLimit one = LimitOf(*model_.adhesive, area_m2, mass_kg);
   if (tool >= 0) {
     const Strength strength = sticky ? model_.tools[tool].strength : Strength{0, 0};
-    normal_n = scale * strength.normal_pa * area_m2;
-    shear_n = scale * strength.shear_pa * area_m2;
-  } else if (adhesive.kappa) {
-    normal_n = shear_n = adhesive.kappa->kappa_adh_m * mass_kg /
-                         (adhesive.kappa->dt_ref_s * adhesive.kappa->dt_ref_s);
-  } else {
-    normal_n = adhesive.strength.normal_pa * area_m2;
-    shear_n = adhesive.strength.shear_pa * area_m2;
+    one = {scale * strength.normal_pa * area_m2, scale * strength.shear_pa * area_m2};
   }
+  limit->may_slide = limit->may_slide && tool < 0 && model_.adhesive->friction_coefficient;
   // What has several bonds is held by its strongest.
-  limit->normal_n = std::max(limit->normal_n, normal_n);
-  limit->shear_n = std::max(limit->shear_n, shear_n);
+  limit->normal_n = std::max(limit->normal_n, one.normal_n);
+  limit->shear_n = std::max(limit->shear_n, one.shear_n);
 }
 
 void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double scale) {
   Limit& limit = limit_[particle];
-  if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, false};
+  if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, true, false, false};
   limit.normal_sum += normal;
   Strengths(bond.tool, bond.sticky, model_.area_m2[particle], model_.mass_kg[particle], scale,
             &limit);
@@ -221,6 +265,7 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
                              const Contacts& contacts) {
   for (int p : contacts.zone_members) limit_[p].bonded = false;
   for (const Bond& bond : contacts.bonds) {
+    if (bond.sliding) continue;
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
     if (bond.particle >= 0) Limits(bond.particle, bond, normal, scale);
@@ -234,38 +279,50 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
   }
 }
 
-// Load over strength: above 1 lets go.
-double Adhesive::LoadRatio(const Limit& limit, const Vec3& load) {
+Adhesive::Demand Adhesive::DemandOn(const Limit& limit, const Vec3& load) const {
   const double length = limit.normal_sum.norm();
-  if (!(length > 0)) return 0;
+  if (!(length > 0)) return {0, false, false};
   const Vec3 normal = limit.normal_sum / length;
   const double tension = load.dot(normal);
-  if (tension <= 0) return 0;
   const double shear = (load - tension * normal).norm();
   const auto over = [](double force, double strength) {
     if (force == 0) return 0.0;
     return strength > 0 ? force / strength : std::numeric_limits<double>::infinity();
   };
+  if (tension <= 0) {
+    if (!limit.may_slide) return {0, false, false};
+    return {over(shear, limit.shear_n - tension * *model_.adhesive->friction_coefficient), true,
+            false};
+  }
   const double normal_ratio = over(tension, limit.normal_n);
   const double shear_ratio = over(shear, limit.shear_n);
-  return std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio);
+  return {std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio), false, true};
+}
+
+bool Adhesive::TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
+                             const Contacts& contacts) const {
+  const std::optional<BellRelease>& bell = model_.adhesive->bell;
+  if (!bell || !demand.pulled || !(chance_s > 0)) return false;
+  const double rate_per_s = bell->rate_per_s * Exp(load.norm() / bell->force_n);
+  return Chance(model_.seed, contacts.draws, who) >= Exp(-rate_per_s * chance_s);
 }
 
 int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
-                      std::span<const double> strength_scale, Contacts* contacts) {
+                      std::span<const double> strength_scale, double chance_s, Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
+  contacts->draws += model_.adhesive->bell && chance_s > 0;
   CollectLimits(state, strength_scale, *contacts);
-  bond_released_.assign(contacts->bonds.size(), 0);
+  bond_verdict_.assign(contacts->bonds.size(), 0);
   int released = 0;
   for (Zone& zone : contacts->zones) {
     zone.load = 0;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = contacts->zone_members[k];
       if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
-      const double ratio = LoadRatio(limit_[p], load_n[p]);
-      zone.load = std::max(zone.load, ratio);
-      if (ratio > 1) {
-        limit_[p].released = true;
+      const Demand demand = DemandOn(limit_[p], load_n[p]);
+      zone.load = std::max(zone.load, demand.ratio);
+      if (demand.ratio > 1 || TakenByChance(p, demand, load_n[p], chance_s, *contacts)) {
+        (demand.slides ? limit_[p].slides : limit_[p].released) = true;
         ++released;
       }
     }
@@ -273,14 +330,17 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
   released += rigid_.Release(
       *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },
       [&](const RigidInterfaces::Cut& cut) {
-        Limit limit{cut.normal_sum, 0, 0, true, false};
+        Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
         Strengths(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg,
                   cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
-        const double ratio = LoadRatio(limit, cut.load_n);
-        contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, ratio);
-        return ratio > 1;
+        const Demand demand = DemandOn(limit, cut.load_n);
+        contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
+        const int first = contacts->zone_members[contacts->zones[cut.zone].first];
+        const int who = model_.particle_count() * (1 + cut.node) + first;
+        if (TakenByChance(who, demand, cut.load_n, chance_s, *contacts)) return kLetsGo;
+        return demand.ratio <= 1 ? kHolds : demand.slides ? kSlides : kLetsGo;
       },
-      &bond_released_);
+      &bond_verdict_);
   if (released > 0) RemoveReleased(contacts);
   return released;
 }
@@ -289,11 +349,17 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
   constexpr std::array<std::int32_t, 3> kNone{-1, -1, -1};
   for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
     Bond& bond = contacts->bonds[b];
+    if (bond.sliding) continue;
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
-    const bool whole = bond_released_[b] || (bond.particle >= 0 && limit_[bond.particle].released);
+    const bool cut = bond_verdict_[b] == kLetsGo;
+    const bool whole = cut || (bond.particle >= 0 && limit_[bond.particle].released);
+    bool slides =
+        bond_verdict_[b] == kSlides || (bond.particle >= 0 && limit_[bond.particle].slides);
     for (std::int32_t& v : bond.vertices) {
-      if (v < 0 || !(whole || limit_[v].released)) continue;
-      if (bond_released_[b] || limit_[v].released) {
+      if (v < 0) continue;
+      slides = slides || limit_[v].slides;
+      if (!(whole || limit_[v].released)) continue;
+      if (cut || limit_[v].released) {
         const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
         AddReleased(v, other, bond.gap_m, contacts);
       }
@@ -301,6 +367,9 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
     }
     if (bond.particle >= 0 && bond.vertices == kNone) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
+    } else if (slides && bond.tool < 0) {
+      bond.sliding = true;
+      ShowMembers(&bond);
     }
   }
   std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.vertices == kNone; });

@@ -23,6 +23,10 @@ namespace adhesim {
 // in compression never. With `kappa_adh`, sigma A_i is replaced by kappa m_i / dt_ref^2.
 // Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it
 // is pressed closer than it was when it let go.
+// With a Bell rate, one in tension also lets go by chance.
+// With friction, a new contact slides (ContactRows) until friction has stopped it, and in
+// compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
+// |lambda_n|.
 class Adhesive {
  public:
   static constexpr double kMinWeight = 0.05;
@@ -33,6 +37,14 @@ class Adhesive {
   // the capture rule. Returns the number of new bonds. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, const State& state, double dt_s, Contacts* contacts,
               StepReport* report);
+
+  // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
+  // those that friction has stopped stick. Returns the number of changes.
+  int FollowSliding(std::span<const NearPair> near, Contacts* contacts);
+  // What became of the sliding bonds in the sub-step just done, by bond: see ContactRows.
+  void EndSliding(int bond, bool settled, bool parted, Contacts* contacts);
+  // Removes the bonds that parted.
+  int RemoveParted(Contacts* contacts);
 
   // A triangle near a tool; `normal` points from the tool to the tissue.
   struct NearTool {
@@ -52,10 +64,11 @@ class Adhesive {
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
 
   // Releases every colliding particle whose load [#particles, N] exceeds its strength
-  // (`strength_scale` [#tools] multiplies that of tools' bonds). Writes Zone::load. Returns the
-  // number that let go.
+  // (`strength_scale` [#tools] multiplies that of tools' bonds), and those that chance takes in
+  // `chance_s` seconds (0: chance has spoken already). Writes Zone::load. Returns the number that
+  // let go or began to slide.
   int Release(std::span<const Vec3> load_n, const State& state,
-              std::span<const double> strength_scale, Contacts* contacts);
+              std::span<const double> strength_scale, double chance_s, Contacts* contacts);
   // Lets go of everything a tool holds.
   int ReleaseTool(int tool, Contacts* contacts);
 
@@ -64,15 +77,26 @@ class Adhesive {
     Vec3 normal_sum;  // of its bonds, from the opposing side to its own
     double normal_n;  // forces that its bonds carry
     double shear_n;
+    bool may_slide;
     bool bonded;
     bool released;
+    bool slides;
+  };
+  // Load over strength: above 1 it gives way, by sliding or by letting go.
+  struct Demand {
+    double ratio;
+    bool slides;
+    bool pulled;  // in tension
   };
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                  Limit* limit) const;
-  static double LoadRatio(const Limit& limit, const Vec3& load);
+  Demand DemandOn(const Limit& limit, const Vec3& load) const;
+  bool TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
+                     const Contacts& contacts) const;
+  void ShowMembers(Bond* bond) const;
   void RemoveReleased(Contacts* contacts);
   Vec3 BondNormal(const Bond& bond, const State& state) const;
   void AddReleased(int particle, int other, double gap_m, Contacts* contacts);
@@ -83,8 +107,9 @@ class Adhesive {
   double release_distance_m_ = 0;
   std::vector<Limit> limit_;  // [#particles]
   RigidInterfaces rigid_;
-  std::vector<std::uint8_t> bond_released_;  // [#bonds]
-  std::vector<std::uint8_t> touched_;        // [#particles x #tools] within d_off of the tool
+  enum : std::uint8_t { kHolds, kLetsGo, kSlides };
+  std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
+  std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool
   std::vector<ReleasedPair> kept_;
 };
 

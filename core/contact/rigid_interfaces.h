@@ -32,22 +32,23 @@ class RigidInterfaces {
     bool sticky = true;
   };
 
-  // Calls judge(cut) for every interface whose load is determined; where that returns true, sets
-  // `*released` [#bonds] for its bonds. Returns the number of interfaces that let go.
+  // Calls judge(cut) for every interface whose load is determined; what that returns, if not
+  // zero, becomes `*verdict` [#bonds] of its bonds. Returns the number of interfaces judged so.
   // `normal_of(bond)` is its unit normal.
   template <typename Judge, typename NormalOf>
   int Release(const Contacts& contacts, std::span<const Vec3> load_n, const NormalOf& normal_of,
-              const Judge& judge, std::vector<std::uint8_t>* released) {
+              const Judge& judge, std::vector<std::uint8_t>* verdict) {
     int count = 0;
     CollectEdges(contacts);
     for (std::size_t e = 0; e < edges_.size(); ++e) {
       Cut cut;
       if (!CutEdge(static_cast<int>(e), contacts, load_n, &cut)) continue;
       Measure(static_cast<int>(e), contacts, normal_of, &cut);
-      if (!judge(cut)) continue;
+      const std::uint8_t judged = judge(cut);
+      if (!judged) continue;
       ++count;
       for (std::size_t b = 0; b < contacts.bonds.size(); ++b) {
-        if (edge_of_bond_[b] == static_cast<int>(e)) (*released)[b] = 1;
+        if (edge_of_bond_[b] == static_cast<int>(e)) (*verdict)[b] = judged;
       }
     }
     return count;

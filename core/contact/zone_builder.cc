@@ -11,6 +11,7 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   prescriber_.resize(nodes);
   zone_at_root_.resize(nodes);
   member_.resize(model.rest_position_m.size());
+  colliding_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
   for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
@@ -69,7 +70,7 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   // refused.
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
-      if ((bond.tool >= 0) != tools) continue;
+      if ((bond.tool >= 0) != tools || bond.sliding) continue;
       const int anchor = bond.particle >= 0 ? bond.particle : ToolNode(bond.tool);
       for (std::int32_t& v : bond.vertices) {
         if (v < 0) continue;
@@ -85,10 +86,16 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   std::erase_if(contacts->bonds, [](const Bond& bond) {
     return bond.vertices[0] < 0 && bond.vertices[1] < 0 && bond.vertices[2] < 0;
   });
+  std::fill(colliding_.begin(), colliding_.end(), 0);
   for (const Bond& bond : contacts->bonds) {
-    if (bond.particle >= 0) member_[bond.particle] = 1;
+    if (bond.particle >= 0 && !bond.sliding) member_[bond.particle] = 1;
+    if (bond.particle >= 0) colliding_[bond.particle] = 1;
+    for (int v : bond.vertices) {
+      if (v >= 0) colliding_[v] = 1;
+    }
   }
-  contacts->colliding_particles = static_cast<int>(std::count(member_.begin(), member_.end(), 1));
+  contacts->colliding_particles =
+      static_cast<int>(std::count(colliding_.begin(), colliding_.end(), 1));
 }
 
 void ZoneBuilder::UniteRigidBodies() {

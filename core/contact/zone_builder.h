@@ -49,6 +49,7 @@ class ZoneBuilder {
   std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
   std::vector<std::int32_t> prescriber_;    // of a root, likewise
   std::vector<std::uint8_t> member_;        // [#particles] is in some zone
+  std::vector<std::uint8_t> colliding_;     // [#particles] is part of some bond
   std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]

@@ -112,7 +112,8 @@ void Pipeline::Substep(double dt_s) {
   clock_.Lap(solve_stage_);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
-  solver_->Accept(&state_);
+  solver_->Accept(&state_, dt_s);
+  EndSliding();
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
     tool.twist = tool_twist_[t];
@@ -128,7 +129,8 @@ void Pipeline::DetectAndCapture(double dt_s) {
   near_ = detector_->Find(state_.position_m, &parallel_);
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
-  int changes = adhesive_->Capture(near_, state_, dt_s, &state_.contacts, &report_);
+  int changes = adhesive_->FollowSliding(near_, &state_.contacts);
+  changes += adhesive_->Capture(near_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
@@ -141,6 +143,19 @@ void Pipeline::DetectAndCapture(double dt_s) {
     solver_->Capture(&state_, tool_impulse_);
   }
   clock_.Lap(zones_stage_);
+}
+
+void Pipeline::EndSliding() {
+  if (solver_->slid().empty()) return;
+  for (const ContactRows::Verdict& verdict : solver_->slid()) {
+    adhesive_->EndSliding(verdict.bond, verdict.outcome == ContactRows::Outcome::kSticks,
+                          verdict.outcome == ContactRows::Outcome::kParts, &state_.contacts);
+  }
+  const int parted = adhesive_->RemoveParted(&state_.contacts);
+  report_.releases += parted;
+  if (parted == 0) return;
+  zone_builder_->Rebuild(&state_.contacts, &report_);
+  solver_->Capture(&state_, tool_impulse_);
 }
 
 void Pipeline::EvaluateForces() {
@@ -257,8 +272,8 @@ void Pipeline::Solve(double dt_s) {
       report_.bits |= kStepReleasePasses;
       return;
     }
-    const int released =
-        adhesive_->Release(solver_->load_n(), state_, strength_scale_, &state_.contacts);
+    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
+                                            pass == 0 ? dt_s : 0, &state_.contacts);
     if (released == 0) return;
     report_.releases += released;
     zone_builder_->Rebuild(&state_.contacts, &report_);

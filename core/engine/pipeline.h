@@ -55,6 +55,7 @@ class Pipeline : public Engine {
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
   void DetectAndCapture(double dt_s);
+  void EndSliding();
   void EvaluateForces();
   double SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const;
   void MoveTools(double dt_s);

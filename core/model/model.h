@@ -75,12 +75,20 @@ struct KappaStrength {
   double dt_ref_s;
 };
 
+// Release by chance (Bell 1978): at force F it happens at the rate rate_per_s * exp(F / force_n).
+struct BellRelease {
+  double rate_per_s;
+  double force_n;
+};
+
 // Parameters of the virtual adhesive between bodies; absent in a scene without it.
 struct AdhesiveParameters {
   double capture_distance_m = 0;  // d_on
   double release_distance_m = 0;  // d_off > d_on
   Strength strength;
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
+  std::optional<BellRelease> bell;
+  std::optional<double> friction_coefficient;  // absent: what sticks under pressure never slides
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.

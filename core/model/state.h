@@ -20,6 +20,8 @@ struct Bond {
   std::int8_t gap_sign = 1;  // -1: the particle was inside a closed body when captured
   double gap_m = 0;          // when captured; the zone keeps it
   bool sticky = true;        // false: no strength (a tool's bare shaft)
+  bool sliding = false;      // its sides move along each other: not members of a zone by it
+  bool settled = false;      // friction held it in the last sub-step: it sticks from the next on
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
 };
 
@@ -55,6 +57,7 @@ struct Contacts {
   std::vector<std::int32_t> zone_of;       // [#particles] index into `zones`, or -1
   std::int32_t next_zone_id = 0;
   std::int32_t colliding_particles = 0;  // different particles among the bonds
+  std::uint64_t draws = 0;               // sub-steps in which chance has decided
 };
 
 struct ToolState {
@@ -78,6 +81,7 @@ struct Ledger {
   double numerical_j =
       0;  // -(change of elastic energy + elastic work): lost by the time integration
   double correction_j = 0;    // gained by position corrections
+  double sliding_j = 0;       // work of sliding contacts (<= 0)
   double elastic_j = 0;       // elastic energy when last evaluated
   double elastic_work_j = 0;  // of elastic forces since then
   double kinetic_j = 0;       // kinetic energy when last summed

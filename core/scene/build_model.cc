@@ -221,6 +221,12 @@ AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std:
     built.strength.normal_pa = built.strength.shear_pa = adhesive.normal_strength_pa();
   }
   if (adhesive.has_shear_strength_pa()) built.strength.shear_pa = adhesive.shear_strength_pa();
+  if (adhesive.has_bell()) {
+    built.bell = BellRelease{adhesive.bell().rate_per_s(), adhesive.bell().force_n()};
+  }
+  if (adhesive.has_friction_coefficient()) {
+    built.friction_coefficient = adhesive.friction_coefficient();
+  }
   if (adhesive.has_kappa_adh_m()) {
     built.kappa = KappaStrength{adhesive.kappa_adh_m(), NumberOf(adhesive, "dt_ref_s")};
     if (adhesive.has_normal_strength_pa() || adhesive.has_shear_strength_pa()) {

@@ -98,6 +98,12 @@ void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
       !adhesive.has_kappa_adh_m()) {
     problems->push_back({path + ".shear_strength_pa", "needs normal_strength_pa beside it"});
   }
+  if (adhesive.has_friction_coefficient() && !adhesive.has_normal_strength_pa() &&
+      !adhesive.has_kappa_adh_m()) {
+    problems->push_back({path + ".friction_coefficient",
+                         "needs a strength beside it (normal_strength_pa or kappa_adh_m; 0 is "
+                         "permitted): without one nothing ever lets go or slides"});
+  }
 }
 
 // The bodies that an elastic effect acts on: those it names, or every deformable one. Reports rigid

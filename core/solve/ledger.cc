@@ -157,18 +157,21 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   ledger.external_work_j += field;
   ledger.abs_external_j += std::abs(field);
 
-  // Impulses of the constraints, and what fixed particles outside zones take.
-  double volume = 0;
+  // Impulses of the constraints and of sliding contacts, and what fixed particles outside zones
+  // take.
+  double volume = 0, sliding = 0;
   for (int p = 0; p < count; ++p) {
-    const Vec3 constraint = solver.ConstraintImpulse(p);
+    const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
     volume += 0.5 * constraint.dot(v[p] + kicked[p]);
+    sliding += 0.5 * contact.dot(v[p] + kicked[p]);
     if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
-      const Vec3 impulse = -dt_s * total_force_n[p] - constraint;
+      const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact;
       got.linear += impulse;
       got.angular += x[p].cross(impulse);
     }
   }
   ledger.volume_j += volume;
+  ledger.sliding_j += sliding;
 
   // Zones: rotation of the free ones, tools' work, and what holds the held ones.
   double tool_work = 0, rotation = 0;
@@ -185,7 +188,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state->contacts.zone_members[k];
       const double m = model.mass_kg[p];
-      const Vec3 applied = dt_s * total_force_n[p] + solver.ConstraintImpulse(p);
+      const Vec3 applied = dt_s * total_force_n[p] + solver.InnerImpulse(p);
       const Vec3 kicked_by = m * (kicked[p] - v[p]) - applied;
       const Vec3 turned_by = m * (moved_v[p] - kicked[p]);
       kick.impulse += kicked_by;
@@ -210,7 +213,8 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   ledger.rotation_j += rotation;
 
   const double kinetic = KineticEnergy(model, moved_v);
-  const double expected = elastic + damping + field + drag + volume + tool_work + rotation;
+  const double expected =
+      elastic + damping + field + drag + volume + sliding + tool_work + rotation;
   ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));
   ledger.kinetic_j = kinetic;
   UpdateScales(model, state);

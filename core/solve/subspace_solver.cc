@@ -10,12 +10,14 @@ namespace {
 
 constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
 constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
+constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
+constexpr int kSlideSweeps = 8;            // over the sliding contacts in one turn
 constexpr int kGrain = 4096;               // particles: about 20 us of work
 
 }  // namespace
 
 SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> constraints)
-    : model_(model), constraints_(std::move(constraints)) {
+    : model_(model), constraints_(std::move(constraints)), slides_(model) {
   const std::size_t n = model.rest_position_m.size();
   for (auto* array : {&kicked_m_s_, &moved_m_, &moved_velocity_m_s_, &load_n_, &free_m_s_}) {
     array->assign(n, Vec3::Zero());
@@ -58,19 +60,11 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   }
   ProjectGroups(*state);
   if (rows_ > 0) {
-    // Sticking may have left a volume changing: the plastic impact ends that too (velocity form,
-    // notes 2.2).
+    // Sticking may have left a volume changing: the plastic impact ends that too.
     CollectRows(*state);
     std::fill(multiplier_.begin(), multiplier_.end(), 0);
     KickAll(*state);
-    for (int r = 0; r < rows_; ++r) {
-      residual_[r] = 0;
-      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-        residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
-      }
-    }
-    SolveRows(residual_, change_);
-    AddMultipliers(change_);
+    StopConstraints();
   }
   KickAll(*state);
   BookCapture(model_, *this, state, tool_impulse);
@@ -91,13 +85,20 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
   BuildGroups(state, tool_twist);
   ProjectGroups(state);
   if (rows_ > 0) {
+    CollectRows(state);
+    std::fill(multiplier_.begin(), multiplier_.end(), 0);
+  }
+  slides_.Collect(state, groups_, dt_s);
+  if (!slides_.empty()) MeetSlides(state);
+  if (rows_ > 0) {
     MeetConstraints(state, dt_s, parallel, report);
   } else {
     MoveAll(state, dt_s, parallel);
   }
+  for (int p : slides_.particles()) load_n_[p].setZero();
   for (int p : state.contacts.zone_members) {
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
-    load_n_[p] = force_n[p] + (ConstraintImpulse(p) - change) / dt_s;
+    load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
   }
 }
 
@@ -250,10 +251,36 @@ void SubspaceSolver::AddMultipliers(std::span<const double> change) {
   }
 }
 
+// Ends the constraints' change at kicked_m_s_ (velocity form, notes 2.2).
+void SubspaceSolver::StopConstraints() {
+  for (int r = 0; r < rows_; ++r) {
+    residual_[r] = 0;
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+      residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
+    }
+  }
+  SolveRows(residual_, change_);
+  AddMultipliers(change_);
+}
+
+void SubspaceSolver::MeetSlides(const State& state) {
+  for (int pass = 0; pass < kSlidePasses; ++pass) {
+    KickAll(state);
+    if (rows_ > 0) {
+      StopConstraints();
+      KickAll(state);
+    }
+    for (int sweep = 0; sweep < kSlideSweeps; ++sweep) slides_.Sweep(state, {kicked_m_s_, groups_});
+    // What the sweeps gave to free particles goes on from here.
+    for (int p : slides_.particles()) {
+      if (model_.fixed[p] || state.contacts.zone_of[p] >= 0) continue;
+      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p) / model_.mass_kg[p];
+    }
+  }
+}
+
 void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
                                      StepReport* report) {
-  CollectRows(state);
-  std::fill(multiplier_.begin(), multiplier_.end(), 0);
   double before = std::numeric_limits<double>::infinity();
   for (int iteration = 0;; ++iteration) {
     MoveAll(state, dt_s, parallel);
@@ -280,7 +307,12 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
   }
 }
 
-void SubspaceSolver::Accept(State* state) {
+void SubspaceSolver::Accept(State* state, double dt_s) {
+  slid_ = {};
+  if (!slides_.empty()) {
+    slid_ = slides_.Judge(*state, {kicked_m_s_, groups_}, dt_s);
+    for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
+  }
   state->position_m = moved_m_;
   state->velocity_m_s = moved_velocity_m_s_;
   StoreMomenta(state);

@@ -6,6 +6,7 @@
 #include "core/model/effect.h"
 #include "core/model/frame.h"
 #include "core/model/state.h"
+#include "core/solve/contact_rows.h"
 #include "core/solve/rigid_group.h"
 
 namespace adhesim {
@@ -16,6 +17,7 @@ namespace adhesim {
 // A trial does not touch the state: v* = v + dt f / m, projected onto every zone's rigid motions;
 // then one impulse lambda along the gradient at x_n of every constraint row, all rows together,
 // sized so that the row holds at x_{n+1} (SHAKE), in the zones' reduced coordinates; then x_{n+1}.
+// Contacts that slide come between: their impulses and the constraints' are found in turns.
 // What a zone has to carry is the residual of each member.
 class SubspaceSolver {
  public:
@@ -33,8 +35,9 @@ class SubspaceSolver {
   // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
   // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }
-  // Makes the last trial the state: positions, velocities, zones' momenta.
-  void Accept(State* state);
+  // Makes the last trial the state: positions, velocities, zones' momenta. load_n() is from then on
+  // what sticking and sliding contact together carry.
+  void Accept(State* state, double dt_s);
 
   // What the ledgers need of the last trial.
   std::span<const Vec3> kicked_velocity_m_s() const {
@@ -48,6 +51,12 @@ class SubspaceSolver {
     return row_of_.empty() || row_of_[p] < 0 ? Vec3::Zero()
                                              : Vec3(multiplier_[row_of_[p]] * gradient_[p]);
   }
+  // Of the sliding contacts.
+  Vec3 SlidingImpulse(int p) const { return slides_.ImpulseOn(p); }
+  // Of both.
+  Vec3 InnerImpulse(int p) const { return ConstraintImpulse(p) + SlidingImpulse(p); }
+  // What became of the sliding contacts in the sub-step that was accepted last.
+  std::span<const ContactRows::Verdict> slid() const { return slid_; }
 
  private:
   // The part of one constraint row that acts on one zone: a generalised gradient about the zone's
@@ -61,6 +70,8 @@ class SubspaceSolver {
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
   void CollectRows(const State& state);
+  void StopConstraints();
+  void MeetSlides(const State& state);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
   void SolveRows(std::span<const double> rhs, std::span<double> x);
@@ -77,6 +88,8 @@ class SubspaceSolver {
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
   std::vector<RigidGroup> groups_;
+  ContactRows slides_;
+  std::span<const ContactRows::Verdict> slid_;
   std::vector<Twist> old_twist_;  // [#tools]
   std::vector<std::int32_t>
       row_of_;  // [#particles] the row that acts on it, or -1; empty without rows

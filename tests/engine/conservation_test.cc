@@ -37,8 +37,8 @@ TEST(Ledger, BalancesThroughCaptureMergeSplitAndRelease) {
   // elastic energy oscillates), and the ledger's terms add up to the energy there is.
   const double now_j = engine->MechanicalEnergy();
   const double booked = ledger.initial_j + ledger.external_work_j + ledger.tool_work_j -
-                        ledger.captured_j - ledger.viscous_j + ledger.rotation_j + ledger.volume_j -
-                        ledger.numerical_j + ledger.correction_j;
+                        ledger.captured_j - ledger.viscous_j + ledger.rotation_j + ledger.volume_j +
+                        ledger.sliding_j - ledger.numerical_j + ledger.correction_j;
   const double last_step =
       now_j - ledger.kinetic_j - ledger.elastic_j + ledger.elastic_work_j;  // not yet booked
   EXPECT_NEAR(now_j, booked + last_step, 1e-9 * EnergyReference(ledger));
@@ -49,6 +49,16 @@ TEST(Ledger, BalancesThroughCaptureMergeSplitAndRelease) {
 TEST(Momentum, IsConservedWhileSpinningBodiesStickAndPart) {
   auto engine = EngineOf(kChurningCells);
   StepMany(engine.get(), TestSize(3000, 10000));
+  const MomentumError error = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LE(error.linear, 1e-10);
+  EXPECT_LE(error.angular, 1e-10);
+}
+
+TEST(Momentum, IsConservedWhileSpinningBodiesRub) {
+  auto engine = EngineOf(RubbingCells());
+  StepMany(engine.get(), TestSize(3000, 10000));
+  EXPECT_LT(engine->state().ledger.sliding_j, 0);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
   const MomentumError error = MomentumBalance(engine->model(), engine->state());
   EXPECT_LE(error.linear, 1e-10);
   EXPECT_LE(error.angular, 1e-10);

@@ -7,8 +7,12 @@
 namespace adhesim::test {
 namespace {
 
-TEST(Determinism, TwoRunsAndAnyNumberOfThreadsGiveTheSameBits) {
-  const auto model = ModelOf(kChurningCells);
+class Contact : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Determinism, Contact, testing::Values(kChurningCells, RubbingCells()),
+                         [](const auto& info) { return info.index == 0 ? "Sticks" : "Slides"; });
+
+TEST_P(Contact, GivesTheSameBitsTwiceAndForAnyNumberOfThreads) {
+  const auto model = ModelOf(GetParam());
   auto first = EngineOf(model), second = EngineOf(model), threaded = EngineOf(model, 2),
        three = EngineOf(model, 3);
   for (int k = 0; k < 10; ++k) {
@@ -39,8 +43,8 @@ TEST(Determinism, HashSeesASingleBit) {
   EXPECT_NE(engine->StateHash(), hash);
 }
 
-TEST(Determinism, RestoredSnapshotInTheMiddleOfContactContinuesWithTheSameBits) {
-  auto engine = EngineOf(kChurningCells);
+TEST_P(Contact, ContinuesARestoredSnapshotWithTheSameBits) {
+  auto engine = EngineOf(GetParam());
   StepMany(engine.get(), 700);
   ASSERT_GT(engine->state().contacts.bonds.size(), 0u);
   const State snapshot = engine->state();
@@ -49,14 +53,14 @@ TEST(Determinism, RestoredSnapshotInTheMiddleOfContactContinuesWithTheSameBits) 
   engine->Restore(snapshot);
   StepMany(engine.get(), 300);
   EXPECT_EQ(engine->StateHash(), hash);
-  auto other = EngineOf(kChurningCells, 2);  // an engine without any history
+  auto other = EngineOf(GetParam(), 2);  // an engine without any history
   other->Restore(snapshot);
   StepMany(other.get(), 300);
   EXPECT_EQ(other->StateHash(), hash);
 }
 
-TEST(Step, AllocatesNothing) {
-  auto engine = EngineOf(kChurningCells);
+TEST_P(Contact, AllocatesNothing) {
+  auto engine = EngineOf(GetParam());
   Frame frame = engine->MakeFrame();
   engine->TimeStages(100);
   const long before = allocations;

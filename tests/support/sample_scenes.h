@@ -22,6 +22,15 @@ effects:
   - virtual_adhesive: {capture_distance_m: 0.012, normal_strength_pa: 1.5, shear_strength_pa: 1}
 )";
 
+// The same cells, but they rub: contacts slide, stop, and break by chance.
+inline std::string RubbingCells() {
+  std::string scene = kChurningCells;
+  const std::string strength = "normal_strength_pa: 1.5, shear_strength_pa: 1}";
+  return scene.replace(scene.find(strength), strength.size(),
+                       "normal_strength_pa: 1.5, shear_strength_pa: 0.2, friction_coefficient: "
+                       "0.3, bell: {rate_per_s: 0.5, force_n: 1}}");
+}
+
 // A soft ball fixed at its bottom and a needle above it, with its trajectory and adhesion still to
 // be written.
 inline std::string NeedleScene(const std::string& needle) {

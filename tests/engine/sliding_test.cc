@@ -1,0 +1,142 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/contact/penetration.h"
+#include "core/model/diagnostics.h"
+#include "tests/support/engine_fixture.h"
+
+namespace adhesim::test {
+namespace {
+
+// A rigid block on a floor that slopes by `angle_deg` (gravity leans instead), released at rest.
+std::string Incline(double angle_deg, double mu, double strength_pa = 0) {
+  const double angle = angle_deg * M_PI / 180;
+  return R"(
+bodies:
+  - {name: block, kind: rigid, block: {size_m: [0.2, 0.2, 0.1], cells: 2}, mass_kg: 1, position_m: [0, 0, 0.0505]}
+  - {name: floor, sheet: {length_m: 8, width_m: 1, columns: 2, rows: 2}, mass_kg: 1, fixed: [all: true]}
+effects:
+  - uniform_gravity: {acceleration_m_s2: [)" +
+         std::to_string(9.81 * std::sin(angle)) + ", 0, " +
+         std::to_string(-9.81 * std::cos(angle)) + R"(]}
+  - virtual_adhesive: {capture_distance_m: 0.002, normal_strength_pa: )" +
+         std::to_string(strength_pa) + ", friction_coefficient: " + std::to_string(mu) + "}\n";
+}
+
+double BlockX(const Engine& engine) {
+  double x = 0;
+  const Body& block = engine.model().bodies[0];
+  for (int p = 0; p < block.particle_count; ++p)
+    x += engine.model().mass_kg[p] * engine.state().position_m[p].x();
+  return x;
+}
+
+// Coulomb: below tan(angle) = mu it stays, above it accelerates by g (sin - mu cos).
+TEST(Sliding, ABlockOnASlopeObeysCoulomb) {
+  const double mu = 0.4, critical_deg = std::atan(mu) * 180 / M_PI;
+  {
+    auto engine = EngineOf(Incline(critical_deg - 0.5, mu));
+    EXPECT_EQ(StepMany(engine.get(), 1000), 0u);
+    EXPECT_LT(std::abs(BlockX(*engine)), 1e-4);  // what it slips before it has settled
+  }
+  for (const double over_deg : {0.5, 10.0}) {
+    const double angle = (critical_deg + over_deg) * M_PI / 180;
+    auto engine = EngineOf(Incline(critical_deg + over_deg, mu));
+    StepMany(engine.get(), 200);
+    const double x0 = BlockX(*engine);
+    StepMany(engine.get(), 400);
+    const double x1 = BlockX(*engine);
+    StepMany(engine.get(), 400);
+    const double x2 = BlockX(*engine);
+    const double expected = 9.81 * (std::sin(angle) - mu * std::cos(angle));
+    EXPECT_NEAR((x2 - 2 * x1 + x0) / (0.4 * 0.4), expected, 0.01 * expected) << over_deg;
+    EXPECT_LT(engine->state().ledger.sliding_j, 0);
+    EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
+  }
+}
+
+// With adhesion: it slides when m g sin > mu m g cos + sigma A.
+TEST(Sliding, AdhesionAddsToFriction) {
+  const auto moved = [](double strength_pa) {
+    auto engine = EngineOf(Incline(40, 0.3, strength_pa));
+    StepMany(engine.get(), 500);
+    return BlockX(*engine);
+  };
+  EXPECT_GT(moved(0), 0.2);
+  EXPECT_GT(moved(20), 0.01);
+  EXPECT_LT(moved(200), 1e-4);
+}
+
+// A soft ball thrown along a floor: friction slows it and turns it; both momenta balance; contact
+// never adds energy.
+TEST(Sliding, ASoftBallThrownAlongTheFloorIsSlowedAndTurned) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: ball, icosphere: {radius_m: 0.5, subdivisions: 2}, mass_kg: 1, position_m: [-2, 0, 0.52], velocity_m_s: [2, 0, 0]}
+  - {name: floor, sheet: {length_m: 8, width_m: 2, columns: 17, rows: 5}, mass_kg: 1, fixed: [all: true]}
+effects:
+  - shape_memory: {stiffness_n_m: 100, damping_n_s_m: 0.2}
+  - volume_preservation: {}
+  - uniform_gravity: {}
+  - virtual_adhesive: {capture_distance_m: 0.01, normal_strength_pa: 0, friction_coefficient: 0.3}
+)");
+  double sliding = 0, gained = 0;
+  for (int step = 0; step < 1500; ++step) {
+    EXPECT_EQ(engine->Step({}).bits, 0u);
+    gained += std::max(0.0, engine->state().ledger.sliding_j - sliding);
+    sliding = engine->state().ledger.sliding_j;
+  }
+  const Ledger& ledger = engine->state().ledger;
+  EXPECT_LT(ledger.sliding_j, -0.05);
+  // A contact that closes again while its force grows does work of the order dt^2, with either
+  // sign.
+  EXPECT_LT(gained, -1e-3 * ledger.sliding_j);
+  EXPECT_LE(IdentityError(ledger), 1e-12);
+  Vec3 momentum = Vec3::Zero(), spin = Vec3::Zero(), centre = Vec3::Zero();
+  const int n = engine->model().bodies[0].particle_count;
+  for (int p = 0; p < n; ++p) {
+    momentum += engine->model().mass_kg[p] * engine->state().velocity_m_s[p];
+    centre += engine->model().mass_kg[p] * engine->state().position_m[p];
+  }
+  for (int p = 0; p < n; ++p) {
+    spin += engine->model().mass_kg[p] *
+            (engine->state().position_m[p] - centre).cross(engine->state().velocity_m_s[p]);
+  }
+  EXPECT_LT(momentum.x(), 1.9);
+  EXPECT_GT(momentum.x(), 0.5);
+  EXPECT_GT(spin.y(), 0.05);  // it rolls forward
+  const MomentumError error = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LE(error.linear, 1e-10);
+  EXPECT_LE(error.angular, 1e-10);
+  for (int p = 0; p < n; ++p) EXPECT_GT(engine->state().position_m[p].z(), 0);
+}
+
+// Two free cells that graze: what one loses the other gets.
+TEST(Sliding, FreeBodiesThatGrazeConserveBothMomenta) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: a, icosphere: {radius_m: 0.6}, mass_kg: 1, position_m: [0, -0.6, 0.6], velocity_m_s: [0, 1, -0.6], angular_velocity_rad_s: [1, 0.5, 0]}
+  - {name: b, icosphere: {radius_m: 0.6}, mass_kg: 2, position_m: [0, 0.6, -0.6], velocity_m_s: [0, -0.5, 0.3]}
+effects:
+  - shape_memory: {stiffness_n_m: 60}
+  - volume_preservation: {}
+  - virtual_adhesive: {capture_distance_m: 0.012, normal_strength_pa: 0.5, friction_coefficient: 0.5}
+)");
+  int most = 0;
+  for (int step = 0; step < 3000; ++step) {
+    EXPECT_EQ(engine->Step({}).bits & ~static_cast<std::uint32_t>(kStepReleasePasses), 0u);
+    most = std::max(most, engine->state().contacts.colliding_particles);
+  }
+  EXPECT_GT(most, 4);
+  EXPECT_LT(engine->state().ledger.sliding_j, -1e-3);
+  const MomentumError error = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LE(error.linear, 1e-11);
+  EXPECT_LE(error.angular, 1e-11);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
+  const Penetration end = MeasurePenetration(engine->model(), engine->state().position_m);
+  EXPECT_LE(end.max_depth_m, 0.012);
+}
+
+}  // namespace
+}  // namespace adhesim::test
