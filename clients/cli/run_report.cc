@@ -31,7 +31,8 @@ std::vector<std::string> ReportNames(std::uint32_t bits) {
       {kStepVolumeNotMet, "volume_not_met"},
       {kStepSubstepLimit, "substep_limit"},
       {kStepZoneSplitForced, "zone_split_forced"},
-      {kStepCandidateCapacity, "candidate_capacity"}};
+      {kStepCandidateCapacity, "candidate_capacity"},
+      {kStepOverlap, "overlap"}};
   std::vector<std::string> names;
   for (const auto& [bit, name] : kNames) {
     if (bits & bit) names.push_back(name);

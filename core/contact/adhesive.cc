@@ -91,6 +91,7 @@ int Adhesive::Capture(std::span<const NearPair> near, const State& state, double
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
+    if (contacts->overlapping && candidate.gap_m < 0) continue;  // on its way out
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];

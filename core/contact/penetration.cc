@@ -25,6 +25,11 @@ double WindingNumber(const Model& model, const Body& body, std::span<const Vec3>
 
 }  // namespace
 
+bool IsInside(const Model& model, const Body& body, std::span<const Vec3> position_m,
+              const Vec3& p) {
+  return WindingNumber(model, body, position_m, p) >= 0.5;
+}
+
 Penetration MeasurePenetration(const Model& model, std::span<const Vec3> position_m) {
   Penetration result;
   for (std::size_t b = 0; b < model.bodies.size(); ++b) {
@@ -35,7 +40,7 @@ Penetration MeasurePenetration(const Model& model, std::span<const Vec3> positio
       box.Add(position_m[p]);
     for (int p = 0; p < model.particle_count(); ++p) {
       if (model.body_of[p] == static_cast<int>(b) || !box.Contains(position_m[p])) continue;
-      if (WindingNumber(model, body, position_m, position_m[p]) < 0.5) continue;
+      if (!IsInside(model, body, position_m, position_m[p])) continue;
       double nearest_sq = std::numeric_limits<double>::infinity();
       for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
         const Triangle& tri = model.triangles[t];

@@ -13,6 +13,10 @@ struct Penetration {
   int vertices_inside = 0;  // particles inside another closed body
 };
 
+// Whether p is inside the closed body: its winding number (van Oosterom and Strackee 1983).
+bool IsInside(const Model& model, const Body& body, std::span<const Vec3> position_m,
+              const Vec3& p);
+
 // Exact, by winding numbers; time is #particles x #triangles of overlapping boxes. A diagnostic,
 // not for the step.
 Penetration MeasurePenetration(const Model& model, std::span<const Vec3> position_m);

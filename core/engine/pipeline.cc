@@ -102,6 +102,7 @@ int Pipeline::SubstepsNow() {
 }
 
 void Pipeline::Substep(double dt_s) {
+  if (state_.contacts.overlapping && overlap_) Separate();
   if (detector_) DetectAndCapture(dt_s);
   EvaluateForces();
   if (tool_set_) {
@@ -158,7 +159,21 @@ void Pipeline::EndSliding() {
   solver_->Capture(&state_, tool_impulse_);
 }
 
-void Pipeline::EvaluateForces() {
+// Bodies that lie in each other since the start come apart, a little in every sub-step.
+void Pipeline::Separate() {
+  state_.contacts.overlapping = !overlap_->Find(state_.position_m).empty();
+  if (!state_.contacts.overlapping) return;
+  report_.bits |= kStepOverlap;
+  EvaluateForces();  // closes the books of what led here
+  before_m_ = state_.position_m;
+  overlap_->Separate(0.5 * contact_distance_m_, state_.position_m);
+  solver_->CorrectPositions(state_.position_m);
+  BookCorrection(*model_, before_m_, AddAllForces(), &state_);
+  // Zones and volumes have another shape now: what velocities do not fit them ends.
+  solver_->Capture(&state_, tool_impulse_);
+}
+
+double Pipeline::AddAllForces() {
   for (auto& force : force_n_) std::fill(force.begin(), force.end(), Vec3::Zero());
   const ForceOutput out{force_n_[0], force_n_[1], force_n_[2], force_n_[3]};
   double elastic_j = 0;
@@ -174,7 +189,11 @@ void Pipeline::EvaluateForces() {
     elastic_j += effects_[e]->AddForces(in, out);
     clock_.Lap(effect_stage_[e]);
   }
-  BookElastic(elastic_j, &state_);
+  return elastic_j;
+}
+
+void Pipeline::EvaluateForces() {
+  BookElastic(AddAllForces(), &state_);
   std::fill(total_force_n_.begin(), total_force_n_.end(), Vec3::Zero());
   for (const auto& force : force_n_) {
     for (std::size_t p = 0; p < force.size(); ++p) total_force_n_[p] += force[p];

@@ -5,6 +5,7 @@
 
 #include "core/contact/adhesive.h"
 #include "core/contact/detector.h"
+#include "core/contact/overlap.h"
 #include "core/contact/zone_builder.h"
 #include "core/effects/registry.h"
 #include "core/engine/engine.h"
@@ -54,8 +55,10 @@ class Pipeline : public Engine {
   int SubstepsNow();
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
+  void Separate();
   void DetectAndCapture(double dt_s);
   void EndSliding();
+  double AddAllForces();
   void EvaluateForces();
   double SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const;
   void MoveTools(double dt_s);
@@ -77,6 +80,8 @@ class Pipeline : public Engine {
   std::unique_ptr<Detector> detector_;   // null without contact
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
+  std::unique_ptr<Overlap> overlap_;  // null when no bodies overlap at the start
+  std::vector<Vec3> before_m_;        // [#particles] likewise empty
   std::unique_ptr<ZoneBuilder> zone_builder_;
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;

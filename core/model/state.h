@@ -57,6 +57,7 @@ struct Contacts {
   std::vector<std::int32_t> zone_of;       // [#particles] index into `zones`, or -1
   std::int32_t next_zone_id = 0;
   std::int32_t colliding_particles = 0;  // different particles among the bonds
+  bool overlapping = false;              // bodies lie in each other since the start
   std::uint64_t draws = 0;               // sub-steps in which chance has decided
 };
 

@@ -77,6 +77,20 @@ void BookElastic(double elastic_j, State* state) {
   ledger.reference_j = std::max(ledger.reference_j, ledger.kinetic_j + elastic_j);
 }
 
+void BookCorrection(const Model& model, std::span<const Vec3> before_m, double elastic_j,
+                    State* state) {
+  Ledger& ledger = state->ledger;
+  ledger.correction_j += elastic_j - ledger.elastic_j;
+  ledger.elastic_j = elastic_j;
+  ledger.reference_j = std::max(ledger.reference_j, ledger.kinetic_j + elastic_j);
+  Impulses moved;
+  for (int p = 0; p < model.particle_count(); ++p) {
+    moved.angular +=
+        (state->position_m[p] - before_m[p]).cross(Vec3(model.mass_kg[p] * state->velocity_m_s[p]));
+  }
+  AddImpulses(moved, state);
+}
+
 // An orthogonal projection in the metric of the masses: T' - T = -1/2 |v' - v|_M^2 plus the work of
 // tools, whose impulse on a member is m (v' - v) less what the constraints gave it.
 void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,

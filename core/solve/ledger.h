@@ -25,6 +25,11 @@ void OpenLedgers(const Model& model, State* state);
 // The elastic energy at the positions now: closes the books of the sub-step that led here.
 void BookElastic(double elastic_j, State* state);
 
+// A change of positions by other means than velocities, from `before_m`; `elastic_j` is the elastic
+// energy after it.
+void BookCorrection(const Model& model, std::span<const Vec3> before_m, double elastic_j,
+                    State* state);
+
 // The projection that SubspaceSolver::Capture is about to make of the velocities:
 // kicked_velocity_m_s().
 void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,

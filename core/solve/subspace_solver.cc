@@ -307,6 +307,32 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
   }
 }
 
+void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
+  for (int iteration = 0; iteration < kConstraintIterations && rows_ > 0; ++iteration) {
+    int first = 0;
+    for (const Effect* effect : constraints_) {
+      effect->ConstraintGradients(position_m, gradient_);
+      const std::size_t count = effect->constraints().size();
+      effect->ConstraintResiduals(position_m, std::span(residual_).subspan(first, count));
+      first += static_cast<int>(count);
+    }
+    double worst = 0;
+    for (int r = 0; r < rows_; ++r) {
+      double mobility = 0;
+      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+        if (!model_.fixed[p]) mobility += gradient_[p].squaredNorm() / model_.mass_kg[p];
+      }
+      if (!(mobility > 0)) continue;
+      worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
+      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+        if (!model_.fixed[p])
+          position_m[p] -= residual_[r] / mobility / model_.mass_kg[p] * gradient_[p];
+      }
+    }
+    if (worst <= kConstraintTolerance) return;
+  }
+}
+
 void SubspaceSolver::Accept(State* state, double dt_s) {
   slid_ = {};
   if (!slides_.empty()) {

@@ -39,6 +39,9 @@ class SubspaceSolver {
   // what sticking and sliding contact together carry.
   void Accept(State* state, double dt_s);
 
+  // Meets the constraints by moving free particles, without touching velocities.
+  void CorrectPositions(std::span<Vec3> position_m);
+
   // What the ledgers need of the last trial.
   std::span<const Vec3> kicked_velocity_m_s() const {
     return kicked_m_s_;

@@ -23,6 +23,7 @@ constexpr Sample kSamples[] = {
     {"uniform_gravity", "uniform_gravity: {acceleration_m_s2: [1, -2, 3]}"},
     {"attraction", "attraction: {point_m: [0.3, 0.1, 2], acceleration_m_s2: 2}"},
     {"drag", "drag: {rate_per_s: 3}"},
+    {"muscle", "muscle: {direction: [0, 0, 2], max_force_n: 2}"},
 };
 
 std::string SceneOf(const std::string& effect) {

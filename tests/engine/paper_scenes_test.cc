@@ -5,6 +5,7 @@
 
 #include "core/contact/penetration.h"
 #include "core/model/diagnostics.h"
+#include "core/scene/mesh/read_surface.h"
 #include "core/scene/scene_file.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/test_size.h"
@@ -27,6 +28,30 @@ TEST(PaperScenes, HaveThePapersCounts) {
     EXPECT_EQ(engine->model().particle_count(), paper.particles) << paper.scene;
     EXPECT_EQ(static_cast<int>(engine->model().triangles.size()), paper.triangles) << paper.scene;
   }
+}
+
+// Fig. 5, with the counts of the paper. The bunny is fetched at set-up, where there is a network.
+TEST(PaperScenes, BunniesStickToEachOtherAndToTheSheet) {
+  const std::string directory = ADHESIM_SOURCE_DIR "/scenes/paper";
+  if (!ResolveFile("asset:bunny.obj", directory).ok()) {
+    GTEST_SKIP() << "bunny.obj is not installed: run scenes/fetch_assets.sh";
+  }
+  const auto engine = SceneEngine("paper/four_bunnies.yaml");
+  const Model& model = engine->model();
+  EXPECT_EQ(model.particle_count(), 567);
+  EXPECT_EQ(model.triangles.size(), 1040u);
+  for (int b = 1; b < 5; ++b) EXPECT_EQ(model.bodies[b].particle_count, 42);
+  int early = 0;
+  for (int k = 0; k < 16; ++k) {
+    const Penetration now = MeasurePenetration(model, engine->state().position_m);
+    EXPECT_LE(now.max_depth_m, model.adhesive->capture_distance_m);
+    EXPECT_EQ(now.vertices_inside, 0);
+    EXPECT_EQ(StepMany(engine.get(), 250), 0u);
+    if (k == 7) early = engine->state().contacts.colliding_particles;
+  }
+  EXPECT_GE(2 * early, engine->state().contacts.colliding_particles);
+  EXPECT_GE(engine->state().contacts.colliding_particles, 60);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
 }
 
 // Highest less lowest point of a body.

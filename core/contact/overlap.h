@@ -1,0 +1,63 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/model/state.h"
+
+namespace adhesim {
+
+// Bodies that lie in each other when a scene begins, and how they come apart.
+//
+// Depth and direction are consistent over a whole overlap (Heidelberger, Teschner, Keiser, Mueller
+// and Gross 2004): particles inside that have a neighbour outside take them from where their edges
+// pierce the other surface; further in, they are averages of what the neighbours nearer to the
+// border have. The nearest surface point would send neighbouring particles to different sides.
+//
+// Separate() moves positions only, particle against triangle in proportion to their inverse masses,
+// so that no velocity is added and the common centre of mass stays (in the spirit of Spillmann,
+// Becker and Teschner 2007).
+class Overlap {
+ public:
+  explicit Overlap(const Model& model);
+
+  // A particle inside another closed body.
+  struct Inside {
+    std::int32_t particle, body;
+    double depth_m;
+    Vec3 direction;  // unit, out of the body
+  };
+  // All of them, ascending by (particle, body). Time: particles in common boxes x triangles.
+  std::span<const Inside> Find(std::span<const Vec3> position_m);
+
+  // Moves what Find() found a part of the way out, at most `limit_m` each. Rigid bodies move as a
+  // whole.
+  void Separate(double limit_m, std::span<Vec3> position_m);
+
+ private:
+  struct Exit {
+    int triangle;
+    Vec3 weights;
+  };
+  Exit ExitOf(const Inside& at, std::span<const Vec3> position_m) const;
+  // Change of position for an impulse of one along the direction, 1/kg.
+  double Mobility(int particle) const;
+  void Move(int particle, const Vec3& by, std::span<Vec3> position_m) const;
+  void FindIn(int body, std::span<const Vec3> position_m);
+  void MeasureBorder(std::span<const Vec3> position_m);
+  void SpreadInward(std::span<const Vec3> position_m);
+  void MeasureTheRest(std::span<const Vec3> position_m);
+
+  const Model& model_;
+  std::vector<Inside> inside_;
+  std::vector<Aabb> box_;               // [#bodies]
+  std::vector<double> body_mass_kg_;    // [#bodies]
+  std::vector<std::int32_t> involved_;  // [#bodies] how many of inside_ move it, if it is rigid
+  // Scratch of one body's particles inside.
+  std::size_t first_ = 0;            // into inside_
+  std::vector<std::int32_t> at_;     // [#particles] into inside_, or -1
+  std::vector<std::uint8_t> layer_;  // [#inside] 0: not measured, 1: measured, 2: in this round
+};
+
+}  // namespace adhesim
