@@ -95,7 +95,7 @@ int Pipeline::SubstepsNow() {
   }
   const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
   double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
-  if (!(wanted <= substeps_) && state_.tools.empty()) {
+  if (!(wanted <= substeps_) && state_.tools.empty() && !contact_with_itself_) {
     // Only what is within reach needs so many; the rest has further to go.
     detector_->Update(state_.position_m, &parallel_, &report_);
     const double near = detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s) *

@@ -16,6 +16,7 @@
 #include "core/scene/mesh/generate.h"
 #include "core/scene/mesh/read_mesh.h"
 #include "core/scene/mesh/read_surface.h"
+#include "core/scene/mesh/simplify.h"
 #include "core/scene/mesh/topology.h"
 #include "core/scene/place_body.h"
 
@@ -51,7 +52,8 @@ absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string
       absl::StatusOr<TriangleMesh> mesh = ReadMesh(*file);
       if (!mesh.ok()) return mesh;
       for (Vec3& v : mesh->vertices) v *= NumberOf(body.mesh(), "scale_m");
-      return mesh;
+      if (!body.mesh().has_particles()) return mesh;
+      return Decimated(*mesh, count(body.mesh(), "particles"));
     }
     case v1::Body::kLabelMap: {
       const absl::StatusOr<std::string> file = ResolveFile(body.label_map().file(), directory);

@@ -3,6 +3,8 @@
 #include <absl/status/status.h>
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <random>
@@ -63,10 +65,9 @@ class Neighbourhood {
   std::multimap<Cube, Vec3> points_;
 };
 
-}  // namespace
+Vec3 AnyRotation(Dice* dice) { return 180 * dice->ThrowVector(); }
 
-absl::StatusOr<std::vector<CopyPlace>> PlaceCopies(const v1::Copies& copies, std::uint64_t seed) {
-  Dice dice(seed);
+absl::StatusOr<std::vector<CopyPlace>> Scatter(const v1::Copies& copies, Dice* dice) {
   Neighbourhood taken(copies.spacing_m());
   std::vector<CopyPlace> places;
   while (places.size() < copies.count()) {
@@ -79,12 +80,47 @@ absl::StatusOr<std::vector<CopyPlace>> PlaceCopies(const v1::Copies& copies, std
                          copies.spacing_m(), " m find room in a ball of radius ", copies.radius_m(),
                          " m; permitted: at most a third of its volume taken"));
       }
-      p = dice.ThrowVector();
+      p = dice->ThrowVector();
     } while (p.squaredNorm() > 1 || !taken.HasRoom(copies.radius_m() * p));
     taken.Add(copies.radius_m() * p);
-    places.push_back({copies.radius_m() * p, 180 * dice.ThrowVector()});
+    places.push_back({copies.radius_m() * p, AnyRotation(dice)});
   }
   return places;
+}
+
+// The lattice is the points of even coordinate sum among all integer points, times spacing /
+// sqrt 2.
+std::vector<CopyPlace> Pack(const v1::Copies& copies, Dice* dice) {
+  using Site = std::array<int, 4>;  // distance squared, then the coordinates: ties by these
+  std::vector<Site> sites;
+  for (int radius = 1; sites.size() < copies.count(); ++radius) {
+    sites.clear();
+    for (int x = -radius; x <= radius; ++x) {
+      for (int y = -radius; y <= radius; ++y) {
+        for (int z = -radius; z <= radius; ++z) {
+          const int distance_sq = x * x + y * y + z * z;
+          if ((x + y + z) % 2 == 0 && distance_sq <= radius * radius) {
+            sites.push_back({distance_sq, x, y, z});
+          }
+        }
+      }
+    }
+  }
+  std::sort(sites.begin(), sites.end());
+  std::vector<CopyPlace> places;
+  for (std::size_t i = 0; i < copies.count(); ++i) {
+    const auto [distance_sq, x, y, z] = sites[i];
+    places.push_back({copies.spacing_m() / std::sqrt(2.0) * Vec3(x, y, z), AnyRotation(dice)});
+  }
+  return places;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<CopyPlace>> PlaceCopies(const v1::Copies& copies, std::uint64_t seed) {
+  Dice dice(seed);
+  if (copies.has_radius_m()) return Scatter(copies, &dice);
+  return Pack(copies, &dice);
 }
 
 }  // namespace adhesim

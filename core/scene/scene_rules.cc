@@ -118,6 +118,31 @@ void CheckLinks(const v1::ElasticLinks& links, const std::string& path, Problems
                     ", the capture distance (a link would break as soon as it is made)")});
 }
 
+void CheckMuscle(const v1::Scene& scene, const v1::Muscle& muscle, const std::string& path,
+                 Problems* problems) {
+  if (muscle.direction_size() == 3 && std::isfinite(Length(muscle.direction())) &&
+      Length(muscle.direction()) <= 0) {
+    problems->push_back(
+        {path + ".direction", "has no direction: its length is 0; permitted: above 0"});
+  }
+  for (int i = 0; i < muscle.bodies_size(); ++i) {
+    for (const v1::Body& body : scene.bodies()) {
+      if (body.name() == muscle.bodies(i) && body.kind() == v1::BODY_KIND_RIGID) {
+        problems->push_back({IndexPath(path + ".bodies", i),
+                             absl::StrCat("body ", Quoted(body.name()),
+                                          " is rigid; permitted: deformable bodies")});
+      }
+    }
+  }
+  for (int i = 1; i < muscle.schedule_size(); ++i) {
+    const v1::Activation &before = muscle.schedule(i - 1), &moment = muscle.schedule(i);
+    if (!before.has_t_s() || !moment.has_t_s() || moment.t_s() > before.t_s()) continue;
+    problems->push_back({IndexPath(path + ".schedule", i) + ".t_s",
+                         absl::StrCat("is ", NumberText(moment.t_s()), "; permitted: above ",
+                                      NumberText(before.t_s()), ", the time of the one before")});
+  }
+}
+
 // The bodies that an elastic effect acts on: those it names, or every deformable one. Reports rigid
 // ones named and those that an earlier effect of the same kind (in `taken`) acts on.
 void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& named,
@@ -174,6 +199,8 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
       CheckAdhesive(effect.virtual_adhesive(), path + ".virtual_adhesive", problems);
     } else if (effect.has_elastic_links()) {
       CheckLinks(effect.elastic_links(), path + ".elastic_links", problems);
+    } else if (effect.has_muscle()) {
+      CheckMuscle(scene, effect.muscle(), path + ".muscle", problems);
     }
   }
 }

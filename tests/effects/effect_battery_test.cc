@@ -36,6 +36,7 @@ constexpr Sample kSamples[] = {
      "attraction_impulses: {stick_distance_m: 0.1, stick_stiffness_n_m: 50, "
      "contact_stiffness_n_m: 70}",
      true},
+    {"muscle", "muscle: {direction: [0, 0, 2], max_force_n: 2}"},
 };
 
 // The second ball is 0.25 m from the first, further than any sample reaches.

@@ -296,6 +296,31 @@ TEST(BuildModel, ScattersCopiesOfABody) {
   EXPECT_NE(ModelOf(std::string("seed: 2 ") + kCells)->rest_position_m, model->rest_position_m);
 }
 
+TEST(BuildModel, PacksCopiesWithoutARadiusDensely) {
+  const auto model = ModelOf(R"(
+    bodies { name: "cell" icosphere { radius_m: 0.5 } mass_kg: 2 position_m: [1, 2, 3]
+             copies { count: 55 spacing_m: 1 } })");
+  ASSERT_NE(model, nullptr);
+  ASSERT_EQ(model->bodies.size(), 55u);
+  std::vector<Vec3> centres;
+  int touching = 0;
+  for (int b = 0; b < 55; ++b) {
+    Vec3 sum = Vec3::Zero();
+    for (int p = 42 * b; p < 42 * (b + 1); ++p) sum += model->rest_position_m[p] / 42;
+    centres.push_back(sum);
+    for (int other = 0; other < b; ++other) {
+      const double distance_m = (centres[b] - centres[other]).norm();
+      EXPECT_GE(distance_m, 1 - 1e-12);
+      touching += distance_m < 1 + 1e-12;
+    }
+  }
+  // The first shells of the lattice have 1, 12, 6, 24 and 12 points, the last at twice the spacing.
+  EXPECT_NEAR((centres[0] - Vec3(1, 2, 3)).norm(), 0, 1e-12);
+  EXPECT_NEAR((centres[12] - centres[0]).norm(), 1, 1e-12);
+  EXPECT_NEAR((centres[54] - centres[0]).norm(), 2, 1e-12);
+  EXPECT_EQ(touching, 216);  // of a cuboctahedron of 55 balls
+}
+
 TEST(BuildModel, RefusesCopiesThatFindNoRoom) {
   ExpectProblem(R"(bodies { name: "cell" icosphere { radius_m: 0.5 } mass_kg: 2
                     copies { count: 40 radius_m: 1 spacing_m: 1.1 } })",

@@ -1,11 +1,15 @@
 #include "core/scene/mesh/simplify.h"
 
+#include <absl/status/status.h>
+#include <absl/strings/str_cat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <queue>
 #include <tuple>
 #include <vector>
 
+#include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/topology.h"
 
 namespace adhesim {
@@ -321,6 +325,27 @@ void SmoothTaubin(int rounds, TriangleMesh* mesh) {
 
 int CollapseEdges(int target_vertices, TriangleMesh* mesh) {
   return Collapser(mesh).Run(target_vertices);
+}
+
+absl::StatusOr<TriangleMesh> Decimated(const TriangleMesh& mesh, int vertices) {
+  const MeshReport report = CheckMesh(mesh).report;
+  if (!report.closed || !report.manifold || !report.oriented) {
+    return absl::InvalidArgumentError(
+        "only closed, oriented surfaces can be decimated, and this one is not; mend it, or leave "
+        "'particles' out");
+  }
+  const int before = report.vertices;
+  if (vertices > before) {
+    return absl::InvalidArgumentError(absl::StrCat("cannot be decimated to ", vertices,
+                                                   " particles: it has ", before,
+                                                   "; permitted: at most that"));
+  }
+  TriangleMesh decimated = mesh;
+  const int left = CollapseEdges(vertices, &decimated);
+  if (left == vertices) return decimated;
+  return absl::InvalidArgumentError(absl::StrCat("cannot be decimated to ", vertices,
+                                                 " particles and keep its shape; permitted: ", left,
+                                                 " to ", before));
 }
 
 void EvenTriangles(int rounds, TriangleMesh* mesh) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <absl/status/statusor.h>
+
 #include "core/model/geometry.h"
 
 namespace adhesim {
@@ -16,6 +18,11 @@ void SmoothTaubin(int rounds, TriangleMesh* mesh);
 // surface would change its topology (link condition), a normal would turn over or a triangle would
 // become a sliver.
 int CollapseEdges(int target_vertices, TriangleMesh* mesh);
+
+// A closed surface with exactly this many vertices, made by CollapseEdges. Errors: InvalidArgument
+// when the surface is not a closed manifold, has fewer, or cannot lose that many and keep its
+// shape.
+absl::StatusOr<TriangleMesh> Decimated(const TriangleMesh& mesh, int vertices);
 
 // Makes triangles more even without changing the shape: `rounds` times flips of edges whose
 // opposite angles sum to more than 180 degrees (Delaunay) where the surface is nearly flat, then a
