@@ -14,8 +14,6 @@ namespace {
 // Every text goes through here on its way into the page.
 std::string Text(std::string_view text) { return HtmlEscape(text); }
 
-std::string Number(double value) { return absl::StrFormat("%.3g", value); }
-
 std::string Paragraph(std::string_view html, std::string_view kind = "") {
   return absl::StrCat(kind.empty() ? "<p>" : absl::StrCat("<p class=\"", std::string(kind), "\">"),
                       std::string(html), "</p>\n");
@@ -33,7 +31,7 @@ std::string Marked(Verdict verdict) {
 }
 
 std::string WithUnit(double value, const std::string& unit) {
-  return absl::StrCat(Number(value), unit.empty() ? "" : " ", Text(unit));
+  return absl::StrCat(NumberText(value), unit.empty() ? "" : " ", Text(unit));
 }
 
 std::string ClaimsOf(const FigureReport& report) {
@@ -69,7 +67,7 @@ std::string Summary(const PaperReport& report) {
 
 std::string PaperTime(const PaperFigure& figure) {
   if (!figure.paper_ms) return "\u2013";
-  return absl::StrCat(figure.paper_ms_is_bound ? "below " : "", Number(*figure.paper_ms));
+  return absl::StrCat(figure.paper_ms_is_bound ? "below " : "", NumberText(*figure.paper_ms));
 }
 
 std::string Times(const PaperReport& report) {
@@ -85,8 +83,8 @@ std::string Times(const PaperReport& report) {
     table.rows.push_back(
         {LinkTo(figure.figure->scene), absl::StrCat(study.particles),
          absl::StrFormat("%.0f %%", 100 * study.second_half_colliding / study.particles),
-         Number(study.cpu_ms_median), Number(study.cpu_ms_p99),
-         budget ? absl::StrCat(Number(*budget),
+         NumberText(study.cpu_ms_median), NumberText(study.cpu_ms_p99),
+         budget ? absl::StrCat(NumberText(*budget),
                                study.cpu_ms_median <= *budget ? " (met)" : " (not met)")
                 : "\u2013",
          PaperTime(*figure.figure)});
@@ -140,16 +138,16 @@ std::string Figure(const FigureReport& report) {
   const PaperStudy& study = report.study;
   absl::StrAppend(
       &html,
-      Paragraph(
-          absl::StrCat("Scene ", Text(figure.scene), ": ", Text(report.description), " ",
-                       study.bodies, " bodies, ", study.particles, " particles, ", study.triangles,
-                       " triangles; ", Number(report.duration_s), " s in ", study.steps, " steps",
-                       report.whole ? "."
-                                    : absl::StrCat(" of ", Number(figure.duration_s),
-                                                   " s (a quick run: what only the end can show is "
-                                                   "not judged)."),
-                       " Instants: ", Text(figure.instants_note), "."),
-          "soft"),
+      Paragraph(absl::StrCat(
+                    "Scene ", Text(figure.scene), ": ", Text(report.description), " ", study.bodies,
+                    " bodies, ", study.particles, " particles, ", study.triangles, " triangles; ",
+                    NumberText(report.duration_s), " s in ", study.steps, " steps",
+                    report.whole ? "."
+                                 : absl::StrCat(" of ", NumberText(figure.duration_s),
+                                                " s (a quick run: what only the end can show is "
+                                                "not judged)."),
+                    " Instants: ", Text(figure.instants_note), "."),
+                "soft"),
       Instants(report), ClaimsOf(report), "<div class=\"plots\">\n");
   for (const Plot& plot : FigurePlots(report)) {
     const absl::StatusOr<std::string> svg = DrawPlot(plot);

@@ -164,6 +164,12 @@ const char* VerdictText(Verdict verdict) {
   return "";
 }
 
+std::string NumberText(double value) {
+  constexpr double kLargestCount = 1e7;
+  const bool count = std::abs(value) < kLargestCount && value == std::floor(value);
+  return count ? absl::StrFormat("%.0f", value) : absl::StrFormat("%.3g", value);
+}
+
 Json PaperJson(const PaperReport& report) {
   const AboutMachine& machine = report.machine;
   Json json;
@@ -193,10 +199,10 @@ std::string PaperText(const PaperReport& report) {
   std::string text;
   for (const ClaimSummary& summary : Summarise(report)) {
     absl::StrAppend(&text,
-                    absl::StrFormat("%-14s %-62s %10.3g (%s) in %s, %d of %d\n",
+                    absl::StrFormat("%-14s %-62s %10s (%s) in %s, %d of %d\n",
                                     VerdictText(summary.worst.verdict), summary.worst.subject,
-                                    summary.worst.value, LimitText(summary.worst), summary.scene,
-                                    summary.held, summary.judged));
+                                    NumberText(summary.worst.value), LimitText(summary.worst),
+                                    summary.scene, summary.held, summary.judged));
   }
   for (const FigureReport& figure : report.figures) {
     if (figure.not_run.empty()) continue;

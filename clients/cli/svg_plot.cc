@@ -16,7 +16,7 @@ namespace {
 // Pixels of the view box; the page scales it.
 constexpr double kWidth = 520, kPlotHeight = 230;
 constexpr double kLeft = 66, kRight = 24, kTop = 8, kBottom = 44, kLegendRow = 18;
-constexpr double kCharacter = 6.4;  // mean width of a letter, for the legend's rows
+constexpr double kCharacter = 7;  // mean width of a letter, for the legend's rows
 constexpr int kColours = 5;
 constexpr int kTicks = 5;
 // Labels and coordinates never show more than doubles of such sizes need.

@@ -18,6 +18,7 @@ constexpr double kMomentum = 1e-10;     // of the balances
 constexpr double kVolume = 1e-9;        // exact preservation stops its iteration at 1e-12
 constexpr double kRadiusShare = 0.75;   // an aggregate's radius at the end, of the first
 constexpr double kPlateauShare = 0.02;  // of the fall, still to come in the last quarter
+constexpr double kHalfContactS = 2;     // simulated time in which half of it is there
 constexpr double kSlipShare = 0.05;
 constexpr double kLimitRoundOff = 1e-9;  // 12 mm of 0.6 m is 2 %
 
@@ -119,6 +120,18 @@ int MostColliding(const PaperStudy& study) {
   return most;
 }
 
+// Contact that is there at the end came early: times of a step are compared while it is there.
+void JudgeOnset(Judge* judge) {
+  const std::vector<StudySample>& samples = judge->study().samples;
+  const int last = samples.back().colliding_particles;
+  if (last == 0) return;
+  const auto half = std::find_if(samples.begin(), samples.end(), [&](const StudySample& sample) {
+    return 2 * sample.colliding_particles >= last;
+  });
+  judge->AddLast("onset", "simulated time until half of the last colliding particles", "s",
+                 half->time_s, Relation::kAtMost, kHalfContactS);
+}
+
 void JudgeAggregate(Judge* judge) {
   const PaperStudy& study = judge->study();
   const std::vector<StudySample>& samples = study.samples;
@@ -200,6 +213,7 @@ std::vector<Claim> JudgeFigure(const PaperFigure& figure, const PaperStudy& stud
   }
   JudgeContact(&judge);
   JudgeConservation(&judge);
+  JudgeOnset(&judge);
   JudgeStory(figure, &judge);
   return judge.Take();
 }

@@ -7,12 +7,12 @@ namespace {
 
 // Fractions of the duration at which pictures are taken.
 constexpr std::array<double, 4> kFourEven = {0, 1.0 / 3, 2.0 / 3, 1};
-constexpr std::array<double, 4> kFig3 = {0, 1.0 / 6, 1.0 / 3, 1};
+constexpr std::array<double, 4> kFig3 = {0, 0.1, 1.0 / 6, 1.0 / 3};
 constexpr std::array<double, 4> kFig6 = {0, 0.25, 0.5, 1};  // t = 0, 100, 200 and 400 s
 
 constexpr std::string_view kEven = "the paper gives no times; evenly spread here";
 constexpr std::string_view kFig3Note =
-    "the paper gives no times; chosen where the pair meets, parts or holds, and ends";
+    "the paper gives no times; chosen where the pair meets, slides, and parts or holds";
 constexpr std::string_view kFig6Note =
     "the paper's t = 0, 100, 200 and 400 s as fractions of 400 s";
 

@@ -39,16 +39,12 @@ PaperStudy Good() {
 }
 
 PaperFigure FigureOf(Story story) {
-  return {.scene = "two",
-          .figure = "",
-          .title = "",
-          .paper_says = "",
-          .instants_note = "",
-          .particles = 84,
-          .triangles = 160,
-          .paper_ms = std::nullopt,
-          .budget_ms = std::nullopt,
-          .story = story};
+  PaperFigure figure;
+  figure.scene = "two";
+  figure.particles = 84;
+  figure.triangles = 160;
+  figure.story = story;
+  return figure;
 }
 
 Verdict VerdictOf(const std::string& id, const PaperFigure& figure, const PaperStudy& study,
@@ -85,6 +81,7 @@ TEST(PaperClaims, EachFailsByItsOwnNumber) {
       {"whole_energy", [](PaperStudy* s) { s->samples[4].energy_j = 5.11; }},
       {"ledger", [](PaperStudy* s) { s->identity_error = 1.1e-9; }},
       {"momentum", [](PaperStudy* s) { s->momentum_angular = 1.1e-10; }},
+      {"onset", [](PaperStudy* s) { s->samples[2].time_s = 2.1, s->samples[1].time_s = 0.1; }},
       {"volume", [](PaperStudy* s) { s->samples[1].volume_error = 1.1e-9; }},
   };
   for (const Case& one : cases) {
