@@ -49,7 +49,7 @@ absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string
     case v1::Body::kMesh: {
       const absl::StatusOr<std::string> file = ResolveFile(body.mesh().file(), directory);
       if (!file.ok()) return file.status();
-      absl::StatusOr<TriangleMesh> mesh = ReadMesh(*file);
+      absl::StatusOr<TriangleMesh> mesh = ReadMesh(*file, body.mesh().component());
       if (!mesh.ok()) return mesh;
       for (Vec3& v : mesh->vertices) v *= NumberOf(body.mesh(), "scale_m");
       if (!body.mesh().has_particles()) return mesh;

@@ -3,11 +3,16 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <random>
 
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/generate.h"
 #include "core/scene/mesh/mesh_formats.h"
+#include "core/scene/mesh/pml_surface.h"
+#include "core/scene/mesh/read_pml.h"
+#include "core/scene/mesh/write_pml.h"
 #include "tests/scene_mesh/files.h"
 
 namespace adhesim {
@@ -58,6 +63,29 @@ TEST(MutatedFiles, GiveAMeshOrAnError) {
     }
   }
   // The mutations are neither all harmless nor all fatal: both ways were walked.
+  EXPECT_GT(accepted, 100);
+  EXPECT_GT(refused, 100);
+}
+
+TEST(MutatedFiles, OfPmlGiveAModelThatCanBeWrittenOrAnError) {
+  std::ifstream file(ADHESIM_SOURCE_DIR "/tests/scene_mesh/sample.pml");
+  const std::string bytes(std::istreambuf_iterator<char>(file), {});
+  std::mt19937 random(1);
+  int accepted = 0, refused = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const absl::StatusOr<PmlModel> model = ParsePml(Mutated(bytes, &random));
+    (model.ok() ? accepted : refused) += 1;
+    if (!model.ok()) continue;
+    const absl::StatusOr<std::string> text = WritePml(*model);
+    ASSERT_TRUE(text.ok()) << text.status();
+    const absl::StatusOr<PmlModel> again = ParsePml(*text);
+    ASSERT_TRUE(again.ok()) << again.status();
+    EXPECT_TRUE(*again == *model);
+    for (const char* component : {"", "solid", "spire"}) {
+      const absl::StatusOr<TriangleMesh> mesh = PmlSurface(*model, component);
+      if (mesh.ok()) CheckMesh(*mesh);
+    }
+  }
   EXPECT_GT(accepted, 100);
   EXPECT_GT(refused, 100);
 }

@@ -110,7 +110,7 @@ TEST(ReadMesh, RefusesEmptyAndForeignFiles) {
   ExpectRefused("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangles");
   ExpectRefused("a.off", "OFF\n0 0 0\n", "no triangles");
   ExpectRefused("a.stl", "solid x\nendsolid x\n", "no triangles");
-  ExpectRefused("a.gltf", "{}", ".obj, .off, .ply and .stl");
+  ExpectRefused("a.gltf", "{}", ".obj, .off, .ply, .pml and .stl");
 }
 
 TEST(ReadMesh, NamesTheLineOfABadObj) {

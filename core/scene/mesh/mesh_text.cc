@@ -14,15 +14,14 @@ namespace {
 
 bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
-// A word for an error message: shortened, and without bytes that would upset a terminal.
-std::string Quoted(absl::string_view word) {
+}  // namespace
+
+std::string QuotedWord(absl::string_view word) {
   constexpr std::size_t kLongest = 40;
   std::string text = "'";
   for (const char c : word.substr(0, kLongest)) text += c >= ' ' && c < 127 ? c : '?';
   return text + (word.size() > kLongest ? "...'" : "'");
 }
-
-}  // namespace
 
 bool LineReader::Next() {
   while (position_ < text_.size()) {
@@ -67,7 +66,7 @@ absl::Status ParsePoint(const LineReader& line, std::size_t first, Vec3* point) 
   for (int axis = 0; axis < 3; ++axis) {
     const absl::string_view word = line.words()[first + axis];
     if (!ParseNumber(word, &(*point)[axis])) {
-      return line.Error(absl::StrCat("coordinate ", Quoted(word), " is not a finite number"));
+      return line.Error(absl::StrCat("coordinate ", QuotedWord(word), " is not a finite number"));
     }
   }
   return absl::OkStatus();

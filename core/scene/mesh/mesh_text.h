@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "core/model/geometry.h"
@@ -33,6 +34,9 @@ class LineReader {
   int number_ = 0;
   std::vector<absl::string_view> words_;
 };
+
+// A word for an error message: shortened, and without bytes that would upset a terminal.
+std::string QuotedWord(absl::string_view word);
 
 // A finite decimal number ("1.5e-3"); false for anything else, NaN and infinity included.
 bool ParseNumber(absl::string_view word, double* number);

@@ -5,11 +5,23 @@
 
 #include "core/scene/mesh/mesh_formats.h"
 #include "core/scene/mesh/mesh_text.h"
+#include "core/scene/mesh/pml_surface.h"
 #include "core/scene/mesh/read_file.h"
+#include "core/scene/mesh/read_pml.h"
 
 namespace adhesim {
 
-absl::StatusOr<TriangleMesh> ReadMesh(const std::string& path) {
+namespace {
+
+absl::StatusOr<TriangleMesh> ReadPmlSurface(absl::string_view bytes, const std::string& component) {
+  const absl::StatusOr<PmlModel> model = ParsePml(bytes);
+  if (!model.ok()) return model.status();
+  return PmlSurface(*model, component);
+}
+
+}  // namespace
+
+absl::StatusOr<TriangleMesh> ReadMesh(const std::string& path, const std::string& component) {
   using Parser = absl::StatusOr<TriangleMesh> (*)(absl::string_view);
   const std::string extension = Extension(path);
   const Parser parse = extension == "obj"   ? &ParseObj
@@ -17,13 +29,18 @@ absl::StatusOr<TriangleMesh> ReadMesh(const std::string& path) {
                        : extension == "ply" ? &ParsePly
                        : extension == "stl" ? &ParseStl
                                             : nullptr;
-  if (parse == nullptr) {
+  const bool is_pml = extension == "pml";
+  if (parse == nullptr && !is_pml) {
     return absl::InvalidArgumentError(
-        absl::StrCat("'", path, "': surfaces are read from .obj, .off, .ply and .stl files"));
+        absl::StrCat("'", path, "': surfaces are read from .obj, .off, .ply, .pml and .stl files"));
+  }
+  if (!is_pml && !component.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", path, "': only .pml files have components to choose from"));
   }
   const absl::StatusOr<std::string> bytes = ReadFile(path, kMaxMeshBytes);
   if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<TriangleMesh> mesh = parse(*bytes);
+  absl::StatusOr<TriangleMesh> mesh = is_pml ? ReadPmlSurface(*bytes, component) : parse(*bytes);
   const auto error = [&](absl::string_view what) {
     return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", what));
   };

@@ -66,8 +66,10 @@ absl::StatusOr<TriangleMesh> ReadLabelSurface(const std::string& path, int parti
                       absl::StrCat("'", path, "': ", mesh.status().message()));
 }
 
-absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles) {
-  return IsLabelMapName(path) ? ReadLabelSurface(path, particles) : ReadMesh(path);
+absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles,
+                                            const std::string& component) {
+  return IsLabelMapName(path) && component.empty() ? ReadLabelSurface(path, particles)
+                                                   : ReadMesh(path, component);
 }
 
 }  // namespace adhesim

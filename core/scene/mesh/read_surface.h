@@ -17,8 +17,9 @@ absl::StatusOr<std::string> ResolveFile(const std::string& file, const std::stri
 // The surface around the labels of an image file, in metres.
 absl::StatusOr<TriangleMesh> ReadLabelSurface(const std::string& path, int particles);
 
-// Whatever surface a file holds: a mesh in its own unit, or a label map with `particles` vertices
-// in metres.
-absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles = 1500);
+// Whatever surface a file holds: a mesh in its own unit (`component`: see ReadMesh), or a label map
+// with `particles` vertices in metres.
+absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles = 1500,
+                                            const std::string& component = "");
 
 }  // namespace adhesim
