@@ -8,11 +8,15 @@ namespace {
 // Fractions of the duration at which pictures are taken.
 constexpr std::array<double, 4> kFourEven = {0, 1.0 / 3, 2.0 / 3, 1};
 constexpr std::array<double, 4> kFig3 = {0, 0.1, 1.0 / 6, 1.0 / 3};
+// t = 0, 40, 80, 120 and 160 s
+constexpr std::array<double, 5> kFig4 = {0, 0.25, 0.5, 0.75, 1};
 constexpr std::array<double, 4> kFig6 = {0, 0.25, 0.5, 1};  // t = 0, 100, 200 and 400 s
 
 constexpr std::string_view kEven = "the paper gives no times; evenly spread here";
 constexpr std::string_view kFig3Note =
     "the paper gives no times; chosen where the pair meets, slides, and parts or holds";
+constexpr std::string_view kFig4Note =
+    "the paper's t = 0, 40, 80, 120 and 160 s as fractions of 160 s";
 constexpr std::string_view kFig6Note =
     "the paper's t = 0, 100, 200 and 400 s as fractions of 400 s";
 
@@ -63,6 +67,21 @@ constexpr PaperFigure kFigures[] = {
         .story = Story::kEndsApart,
     },
     {
+        .scene = "rolling_ball",
+        .figure = "Fig. 4",
+        .title = "A ball rolls on an elastic plane",
+        .paper_says = "The ball rolls; the plane deforms where it sticks to the ball, and adhesion "
+                      "makes the rolling imperfect.",
+        .duration_s = 2,
+        .instants = kFig4,
+        .instants_note = kFig4Note,
+        .particles = 217,
+        .triangles = 368,
+        .paper_ms = 33,
+        .budget_ms = 0.07,
+        .story = Story::kRolls,
+    },
+    {
         .scene = "cell_aggregation",
         .figure = "Fig. 6",
         .title = "25 cells aggregate",
@@ -76,6 +95,34 @@ constexpr PaperFigure kFigures[] = {
         .paper_ms = 777,
         .budget_ms = 0.40,
         .story = Story::kAggregates,
+    },
+    {
+        .scene = "cell_aggregation_x10",
+        .figure = "Beyond Fig. 6",
+        .title = "250 cells pressed together",
+        .paper_says = "Not in the paper: how the cost grows.",
+        .duration_s = 1,
+        .instants = kFourEven,
+        .instants_note = "evenly spread",
+        .particles = std::nullopt,
+        .triangles = std::nullopt,
+        .paper_ms = std::nullopt,
+        .budget_ms = 5,
+        .large = true,
+    },
+    {
+        .scene = "cell_aggregation_x100",
+        .figure = "Beyond Fig. 6",
+        .title = "2500 cells pressed together",
+        .paper_says = "Not in the paper: how the cost grows.",
+        .duration_s = 0.5,
+        .instants = kFourEven,
+        .instants_note = "evenly spread",
+        .particles = std::nullopt,
+        .triangles = std::nullopt,
+        .paper_ms = std::nullopt,
+        .budget_ms = 60,
+        .large = true,
     },
 };
 
