@@ -164,7 +164,7 @@ const char* VerdictText(Verdict verdict) {
   return "";
 }
 
-std::string NumberText(double value) {
+std::string ShortNumber(double value) {
   constexpr double kLargestCount = 1e7;
   const bool count = std::abs(value) < kLargestCount && value == std::floor(value);
   return count ? absl::StrFormat("%.0f", value) : absl::StrFormat("%.3g", value);
@@ -201,7 +201,7 @@ std::string PaperText(const PaperReport& report) {
     absl::StrAppend(&text,
                     absl::StrFormat("%-14s %-62s %10s (%s) in %s, %d of %d\n",
                                     VerdictText(summary.worst.verdict), summary.worst.subject,
-                                    NumberText(summary.worst.value), LimitText(summary.worst),
+                                    ShortNumber(summary.worst.value), LimitText(summary.worst),
                                     summary.scene, summary.held, summary.judged));
   }
   for (const FigureReport& figure : report.figures) {
