@@ -6,11 +6,17 @@
 
 #include "clients/cli/commands.h"
 #include "clients/cli/output.h"
+#include "clients/cli/write_pml_file.h"
 #include "core/scene/mesh/check_mesh.h"
+#include "core/scene/mesh/pml_surface.h"
+#include "core/scene/mesh/read_file.h"
 #include "core/scene/mesh/read_surface.h"
 
 namespace adhesim {
 namespace {
+
+constexpr const char* kKindsOfFile = "OBJ, STL, PLY, OFF or PML file, or a label map (INR, NRRD)";
+constexpr int kLabelParticles = 1500;  // about, of the surface around a label map
 
 Json ToJson(const std::string& file, const MeshCheck& check) {
   const MeshReport& r = check.report;
@@ -68,8 +74,8 @@ std::string ToText(const std::string& file, const MeshCheck& check) {
   return text;
 }
 
-int Info(const std::string& file, bool json) {
-  const absl::StatusOr<TriangleMesh> mesh = ReadAnySurface(file);
+int Info(const std::string& file, const std::string& component, bool json) {
+  const absl::StatusOr<TriangleMesh> mesh = ReadAnySurface(file, kLabelParticles, component);
   if (!mesh.ok()) {
     std::cerr << "error: " << mesh.status().message() << "\n";
     return kExitBadInput;
@@ -83,23 +89,53 @@ int Info(const std::string& file, bool json) {
   return kExitOk;
 }
 
+int Convert(const std::string& in, const std::string& component, const std::string& out) {
+  if (Extension(out) != "pml") {
+    std::cerr << "error: '" << out << "': meshes are written as .pml files\n";
+    return kExitBadInput;
+  }
+  const absl::StatusOr<TriangleMesh> mesh = ReadAnySurface(in, kLabelParticles, component);
+  if (!mesh.ok()) {
+    std::cerr << "error: " << mesh.status().message() << "\n";
+    return kExitBadInput;
+  }
+  const PmlPart surface{component.empty() ? "surface" : component, mesh->triangles};
+  return WritePmlFile(PmlOfSurface("", mesh->vertices, {&surface, 1}), out);
+}
+
 struct Arguments {
   std::string file;
+  std::string out;
+  std::string component;
   bool json = false;
 };
+
+void AddComponentOption(CLI::App* command, std::string* component) {
+  command->add_option("--component", *component,
+                      "Of a PML file: the structuralComponent whose cells are the surface");
+}
 
 }  // namespace
 
 void AddMeshCommand(CLI::App& app, int* exit_code) {
-  CLI::App* command = app.add_subcommand("mesh", "Looks at mesh files");
+  CLI::App* command = app.add_subcommand("mesh", "Looks at mesh files and converts them");
   command->require_subcommand(1);
   auto arguments = std::make_shared<Arguments>();
   CLI::App* info = command->add_subcommand(
       "info", "Prints what a mesh is: counts, closed, manifold, oriented, volume");
-  info->add_option("FILE", arguments->file, "OBJ, STL, PLY or OFF file, or a label map (INR, NRRD)")
-      ->required();
+  info->add_option("FILE", arguments->file, kKindsOfFile)->required();
+  AddComponentOption(info, &arguments->component);
   info->add_flag("--json", arguments->json, "Prints one JSON object");
-  info->callback([=] { *exit_code = Info(arguments->file, arguments->json); });
+  info->callback(
+      [=] { *exit_code = Info(arguments->file, arguments->component, arguments->json); });
+
+  CLI::App* convert = command->add_subcommand(
+      "convert", "Writes a mesh as PML: its vertices, triangles and neighbourhoods (docs/pml.md)");
+  convert->add_option("IN", arguments->file, kKindsOfFile)->required();
+  convert->add_option("OUT", arguments->out, "The file to write, .pml")->required();
+  AddComponentOption(convert, &arguments->component);
+  convert->callback(
+      [=] { *exit_code = Convert(arguments->file, arguments->component, arguments->out); });
 }
 
 }  // namespace adhesim

@@ -1,5 +1,6 @@
 #include <iostream>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,9 @@
 #include "clients/cli/explain.h"
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
+#include "clients/cli/write_pml_file.h"
+#include "core/scene/mesh/pml_surface.h"
+#include "core/scene/mesh/write_pml.h"
 #include "core/scene/scene_text.h"
 #include "core/scene/schema.h"
 #include "core/scene/validate.h"
@@ -58,9 +62,30 @@ int Explain(const std::string& path, bool json) {
   return kExitOk;
 }
 
+// A model as PML: its particles with their masses, a component per body, and the neighbourhoods.
+// The bodies are where the scene places them, in metres.
+int Export(const std::string& path, const std::vector<std::string>& settings,
+           const std::string& pml) {
+  const std::optional<LoadedScene> loaded = LoadScene(path, settings);
+  if (!loaded) return kExitBadInput;
+  const Model& model = *loaded->model;
+  std::vector<PmlPart> parts;
+  for (const Body& body : model.bodies) {
+    parts.push_back(
+        {body.name, std::span(model.triangles).subspan(body.first_triangle, body.triangle_count)});
+  }
+  PmlModel exported = PmlOfSurface(model.name, model.rest_position_m, parts);
+  for (std::size_t i = 0; i < exported.atoms.size(); ++i) {
+    exported.atoms[i].properties = {{"mass", ShortestNumber(model.mass_kg[i])}};
+  }
+  return WritePmlFile(exported, pml);
+}
+
 struct Arguments {
   std::vector<std::string> files;
+  std::vector<std::string> settings;
   std::string file;
+  std::string pml;
   bool json = false;
 };
 
@@ -68,7 +93,7 @@ struct Arguments {
 
 void AddSceneCommand(CLI::App& app, int* exit_code) {
   CLI::App* command = app.add_subcommand(
-      "scene", "Checks, explains and shows scene files; prints their JSON Schema");
+      "scene", "Checks, explains, shows and exports scene files; prints their JSON Schema");
   command->require_subcommand(1);
   auto arguments = std::make_shared<Arguments>();
 
@@ -90,6 +115,14 @@ void AddSceneCommand(CLI::App& app, int* exit_code) {
   explain->add_option("FILE", arguments->file, "Scene file")->required();
   explain->add_flag("--json", arguments->json, "Prints one JSON object");
   explain->callback([=] { *exit_code = Explain(arguments->file, arguments->json); });
+
+  CLI::App* export_command = command->add_subcommand(
+      "export", "Writes the bodies of a scene as PML: particles, surfaces, neighbourhoods");
+  export_command->add_option("FILE", arguments->file, "Scene file")->required();
+  export_command->add_option("--pml", arguments->pml, "The file to write")->required();
+  AddSettingsOption(export_command, &arguments->settings);
+  export_command->callback(
+      [=] { *exit_code = Export(arguments->file, arguments->settings, arguments->pml); });
 }
 
 }  // namespace adhesim

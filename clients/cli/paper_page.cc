@@ -31,7 +31,7 @@ std::string Marked(Verdict verdict) {
 }
 
 std::string WithUnit(double value, const std::string& unit) {
-  return absl::StrCat(NumberText(value), unit.empty() ? "" : " ", Text(unit));
+  return absl::StrCat(ShortNumber(value), unit.empty() ? "" : " ", Text(unit));
 }
 
 std::string ClaimsOf(const FigureReport& report) {
@@ -67,7 +67,7 @@ std::string Summary(const PaperReport& report) {
 
 std::string PaperTime(const PaperFigure& figure) {
   if (!figure.paper_ms) return "\u2013";
-  return absl::StrCat(figure.paper_ms_is_bound ? "below " : "", NumberText(*figure.paper_ms));
+  return absl::StrCat(figure.paper_ms_is_bound ? "below " : "", ShortNumber(*figure.paper_ms));
 }
 
 std::string Times(const PaperReport& report) {
@@ -83,8 +83,8 @@ std::string Times(const PaperReport& report) {
     table.rows.push_back(
         {LinkTo(figure.figure->scene), absl::StrCat(study.particles),
          absl::StrFormat("%.0f %%", 100 * study.second_half_colliding / study.particles),
-         NumberText(study.cpu_ms_median), NumberText(study.cpu_ms_p99),
-         budget ? absl::StrCat(NumberText(*budget),
+         ShortNumber(study.cpu_ms_median), ShortNumber(study.cpu_ms_p99),
+         budget ? absl::StrCat(ShortNumber(*budget),
                                study.cpu_ms_median <= *budget ? " (met)" : " (not met)")
                 : "\u2013",
          PaperTime(*figure.figure)});
@@ -141,9 +141,9 @@ std::string Figure(const FigureReport& report) {
       Paragraph(absl::StrCat(
                     "Scene ", Text(figure.scene), ": ", Text(report.description), " ", study.bodies,
                     " bodies, ", study.particles, " particles, ", study.triangles, " triangles; ",
-                    NumberText(report.duration_s), " s in ", study.steps, " steps",
+                    ShortNumber(report.duration_s), " s in ", study.steps, " steps",
                     report.whole ? "."
-                                 : absl::StrCat(" of ", NumberText(figure.duration_s),
+                                 : absl::StrCat(" of ", ShortNumber(figure.duration_s),
                                                 " s (a quick run: what only the end can show is "
                                                 "not judged)."),
                     " Instants: ", Text(figure.instants_note), "."),

@@ -44,7 +44,7 @@ std::vector<ClaimSummary> Summarise(const PaperReport& report);
 bool AnyFails(const PaperReport& report);
 const char* VerdictText(Verdict verdict);
 // Counts in full, other numbers with three digits.
-std::string NumberText(double value);
+std::string ShortNumber(double value);
 
 // {"claims": [...], "figures": [...], "machine": {...}}; what a figure does not have is left out.
 Json PaperJson(const PaperReport& report);

@@ -59,8 +59,9 @@ std::string FallingScene() {
 }
 
 TEST(Cli, HelpsEverywhere) {
-  for (const char* command : {"", "run", "scene", "scene check", "scene show", "scene schema",
-                              "scene explain", "mesh", "mesh info"}) {
+  for (const char* command :
+       {"", "run", "scene", "scene check", "scene show", "scene schema", "scene explain",
+        "scene export", "mesh", "mesh info", "mesh convert"}) {
     const Outcome outcome = Adhesim(std::string(command) + " --help");
     EXPECT_EQ(outcome.exit_code, 0) << command;
     EXPECT_THAT(outcome.out, HasSubstr("Usage: ")) << command;
@@ -133,6 +134,32 @@ TEST(Cli, SaysWhatAMeshIs) {
   EXPECT_NEAR(json["volume"].get<double>(), 1.0 / 6, 1e-15);  // a few roundings of numbers near 1
   EXPECT_THAT(Adhesim("mesh info " + path).out, HasSubstr("closed, manifold, oriented"));
   EXPECT_EQ(Adhesim("mesh info no_such_mesh.obj").exit_code, 2);
+}
+
+TEST(Cli, WritesPmlThatIsTheSameMeshAndTheSameBodies) {
+  const std::string mesh = TempFile("tetrahedron.obj"), pml = TempFile("out.pml");
+  std::ofstream(mesh) << "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+  ASSERT_EQ(Adhesim("mesh convert " + mesh + " " + pml).exit_code, 0);
+  Json before = Json::parse(Adhesim("mesh info --json " + mesh).out);
+  Json after = Json::parse(Adhesim("mesh info --json " + pml).out);
+  before.erase("file");
+  after.erase("file");
+  EXPECT_EQ(after, before);
+
+  const Outcome exported = Adhesim("scene export " + FallingScene() + " --pml " + pml);
+  ASSERT_EQ(exported.exit_code, 0) << exported.err;
+  const Json ball = Json::parse(Adhesim("mesh info --component b --json " + pml).out);
+  EXPECT_EQ(ball["vertices"], 42);
+  EXPECT_GT(ball["box_min"][0].get<double>(), 0.9);  // body b stands at x = 1
+  const std::string again =
+      Scene("bodies:\n  - {name: a, mesh: {file: " + pml + ", component: b}, mass_kg: 1}\n");
+  EXPECT_THAT(Adhesim("scene check " + again).out, HasSubstr("1 bodies, 42 particles"));
+
+  EXPECT_EQ(Adhesim("mesh convert " + mesh + " " + mesh).exit_code, 2);
+  EXPECT_EQ(Adhesim("mesh convert " + mesh + " /nonexistent/out.pml").exit_code, 2);
+  const Outcome unknown = Adhesim("mesh info --component c " + pml);
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, HasSubstr("is named 'c'; there are: 'a', 'b'"));
 }
 
 TEST(Cli, PrintsTheSchema) {
