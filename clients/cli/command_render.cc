@@ -1,6 +1,5 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
-#include <absl/strings/str_join.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,13 +13,12 @@
 #include <string>
 #include <vector>
 
-#include "clients/cli/browser.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
-#include "clients/cli/page_server.h"
 #include "clients/cli/picture_source.h"
 #include "clients/cli/stop_signals.h"
+#include "clients/cli/take_pictures.h"
 #include "clients/cli/validators.h"
 #include "server/recording/temporary_directory.h"
 
@@ -29,7 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kBrowserTimeoutS = 60;
 // Half of the time between a recording's frames, and some: a picture is of the nearest.
 constexpr double kNearS = 0.02;
 
@@ -105,82 +102,39 @@ absl::StatusOr<std::string> Prepare(const Arguments& arguments, const std::strin
   return fs::canonical(arguments.source).string();
 }
 
-// What the page complained of, behind what went wrong.
-absl::Status WithComplaints(const absl::Status& status, const Browser& browser) {
-  if (browser.page_errors().empty()) return status;
-  return absl::Status(status.code(), absl::StrCat(status.message(), "; the page says: ",
-                                                  absl::StrJoin(browser.page_errors(), "; ")));
-}
-
-absl::Status OpenPage(const Arguments& arguments, const std::string& url, Browser* browser) {
-  const absl::Status opened = browser->Open(
-      absl::StrCat(url, "&picture=1&colour=", arguments.colour_map, "&theme=", arguments.theme,
-                   "&hide=", absl::StrJoin(arguments.hide, ",")));
-  if (!opened.ok()) return opened;
-  return browser
-      ->Evaluate(R"(new Promise((done, fail) => {
-        const look = () => {
-          const page = window.adhesim;
-          const banner = document.querySelector('#banner[data-level="error"]:not([hidden])');
-          if (banner) fail(new Error(banner.textContent));
-          else if (page?.errors?.length) fail(new Error(page.errors.join('; ')));
-          else if (page?.mode === 'recording') done(true);
-          else setTimeout(look, 20);
-        };
-        look();
-      }))")
-      .status();
-}
-
-// Shows an instant and writes the page as it is painted then.
-absl::StatusOr<Json> TakePicture(double at_s, const std::string& path, Browser* browser) {
-  const absl::StatusOr<nlohmann::json> shown =
-      browser->Evaluate(absl::StrFormat("window.adhesim.showAt(%.9f)", at_s));
-  if (!shown.ok()) return shown.status();
-  const absl::StatusOr<std::string> png = browser->Screenshot();
-  if (!png.ok()) return png.status();
-  if (!browser->page_errors().empty()) return absl::InternalError("the page has errors");
+// Writes a picture; nothing is left of it otherwise.
+absl::Status WritePicture(const Picture& picture, const std::string& path) {
   std::ofstream file(path, std::ios::binary);
-  file << *png;
+  file << picture.png;
   file.close();
-  if (!file) {
-    std::error_code ignored;
-    fs::remove(path, ignored);
-    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
-  }
-  Json picture;
-  picture["path"] = path;
-  picture["step"] = shown->value("step", 0.0);
-  picture["time_s"] = shown->value("timeS", 0.0);
-  return picture;
+  if (file) return absl::OkStatus();
+  std::error_code ignored;
+  fs::remove(path, ignored);
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
 }
 
-absl::Status TakePictures(const Arguments& arguments, Size size, const std::string& recording) {
-  const absl::StatusOr<std::unique_ptr<PageServer>> server = PageServer::Start(recording);
-  if (!server.ok()) return server.status();
-  Browser::Options options;
-  options.program = arguments.browser;
-  options.width = size.width;
-  options.height = size.height;
-  options.timeout_s = kBrowserTimeoutS;
-  options.stop = StopRequested;
-  const absl::StatusOr<std::unique_ptr<Browser>> browser = Browser::Start(options);
-  if (!browser.ok()) return browser.status();
-  const absl::Status opened = OpenPage(arguments, (*server)->url(), browser->get());
-  if (!opened.ok()) return WithComplaints(opened, **browser);
-
+absl::Status WritePictures(const Arguments& arguments, Size size, const std::string& recording) {
+  const PictureOptions options{.browser = arguments.browser,
+                               .width = size.width,
+                               .height = size.height,
+                               .colour_map = arguments.colour_map,
+                               .theme = arguments.theme,
+                               .hide = arguments.hide,
+                               .stop = StopRequested};
   Json pictures = Json::array();
-  for (const double at_s : arguments.at_s) {
-    const std::string name =
-        absl::StrFormat("%s-t%.3fs.png", fs::path(arguments.source).stem().string(), at_s);
-    const absl::StatusOr<Json> picture =
-        TakePicture(at_s, (fs::path(arguments.out) / name).string(), browser->get());
-    if (!picture.ok()) return WithComplaints(picture.status(), **browser);
-    if (!arguments.json) std::cout << (*picture)["path"].get<std::string>() << std::endl;
-    pictures.push_back(*picture);
-  }
-  if (arguments.json) PrintJson({{"pictures", pictures}});
-  return absl::OkStatus();
+  const absl::Status status =
+      TakePictures(recording, arguments.at_s, options, [&](const Picture& picture) {
+        const std::string name = absl::StrFormat(
+            "%s-t%.3fs.png", fs::path(arguments.source).stem().string(), picture.at_s);
+        const std::string path = (fs::path(arguments.out) / name).string();
+        const absl::Status written = WritePicture(picture, path);
+        if (!written.ok()) return written;
+        if (!arguments.json) std::cout << path << std::endl;
+        pictures.push_back({{"path", path}, {"step", picture.step}, {"time_s", picture.time_s}});
+        return written;
+      });
+  if (status.ok() && arguments.json) PrintJson({{"pictures", pictures}});
+  return status;
 }
 
 ExitCode Render(Arguments arguments) {
@@ -197,15 +151,15 @@ ExitCode Render(Arguments arguments) {
                        arguments.at_s.end());
   StopOnSignals();
   // Before the work, which may be long.
-  for (const absl::Status& status : {Browser::Find(arguments.browser).status(),
-                                     PageServer::HasPage(), MakeOutputDirectory(arguments.out)}) {
+  for (const absl::Status& status :
+       {CanTakePictures(arguments.browser), MakeOutputDirectory(arguments.out)}) {
     if (!status.ok()) return Fail(status);
   }
   const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
   if (!directory.ok()) return Fail(directory.status());
   const absl::StatusOr<std::string> recording = Prepare(arguments, (*directory)->path());
   if (!recording.ok()) return Fail(recording.status());
-  const absl::Status status = TakePictures(arguments, *size, *recording);
+  const absl::Status status = WritePictures(arguments, *size, *recording);
   return status.ok() ? kExitOk : Fail(status);
 }
 

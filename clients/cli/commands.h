@@ -18,6 +18,7 @@ enum ExitCode {
 // `*exit_code`.
 void AddRunCommand(CLI::App& app, int* exit_code);
 void AddRenderCommand(CLI::App& app, int* exit_code);
+void AddPaperCommand(CLI::App& app, int* exit_code);
 void AddReplayCommand(CLI::App& app, int* exit_code);
 void AddSceneCommand(CLI::App& app, int* exit_code);
 void AddMeshCommand(CLI::App& app, int* exit_code);

@@ -21,49 +21,54 @@
 #include "server/session.h"
 
 namespace adhesim {
-namespace {
+struct InstantWriter::Parts {
+  Parts(ByteSink sink, const Engine& e)
+      : engine(e),
+        writer(std::move(sink), "", "adhesim " ADHESIM_VERSION),
+        frame(MakeSessionFrame(e)) {}
 
-// Writes frames of an engine into a recording.
-class InstantWriter {
- public:
-  InstantWriter(ByteSink sink, const Engine& engine)
-      : dt_s_(engine.model().dt_s),
-        writer_(std::move(sink), "", "adhesim " ADHESIM_VERSION),
-        frame_(MakeSessionFrame(engine)) {
-    RecordingAbout about;
-    about.version = ADHESIM_VERSION;
-    about.build = BuildText();
-    about.scene_name = engine.model().name;
-    about.rate_hz = 1 / dt_s_;
-    channels_ = WriteBeginning(about, engine.model().scene, {}, &writer_);
-    v1::WatchResponse message;
-    EncodeTopology(engine.model(), message.mutable_topology());
-    writer_.AddMessage(channels_.topology, 0, message.SerializeAsString());
-  }
-
-  void Write(const Engine& engine) {
-    engine.WriteFrame(&frame_.frame);
-    v1::WatchResponse message;
-    message.set_step(frame_.frame.step);
-    message.set_time_s(frame_.frame.time_s);
-    EncodeFrame(frame_, {v1::POSITION_ENCODING_FLOAT32, true}, message.mutable_frame());
-    writer_.AddMessage(channels_.frames, LogTime(frame_.frame.step, dt_s_),
-                       message.SerializeAsString());
-  }
-
-  absl::Status Finish() {
-    writer_.Finish();
-    return writer_.status();
-  }
-
- private:
-  const double dt_s_;
-  McapWriter writer_;
-  RecordingChannels channels_{};
-  SessionFrame frame_;
+  const Engine& engine;
+  McapWriter writer;
+  RecordingChannels channels{};
+  SessionFrame frame;
 };
 
-}  // namespace
+InstantWriter::InstantWriter(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+InstantWriter::~InstantWriter() = default;
+
+absl::StatusOr<std::unique_ptr<InstantWriter>> InstantWriter::Open(const std::string& file,
+                                                                   const Engine& engine) {
+  absl::StatusOr<ByteSink> sink = OpenFileSink(file, true);
+  if (!sink.ok()) return sink.status();
+  auto parts = std::make_unique<Parts>(*std::move(sink), engine);
+  RecordingAbout about;
+  about.version = ADHESIM_VERSION;
+  about.build = BuildText();
+  about.scene_name = engine.model().name;
+  about.rate_hz = 1 / engine.model().dt_s;
+  parts->channels = WriteBeginning(about, engine.model().scene, {}, &parts->writer);
+  v1::WatchResponse message;
+  EncodeTopology(engine.model(), message.mutable_topology());
+  parts->writer.AddMessage(parts->channels.topology, 0, message.SerializeAsString());
+  return std::unique_ptr<InstantWriter>(new InstantWriter(std::move(parts)));
+}
+
+void InstantWriter::Write() {
+  Frame& frame = parts_->frame.frame;
+  parts_->engine.WriteFrame(&frame);
+  v1::WatchResponse message;
+  message.set_step(frame.step);
+  message.set_time_s(frame.time_s);
+  EncodeFrame(parts_->frame, {v1::POSITION_ENCODING_FLOAT32, true}, message.mutable_frame());
+  parts_->writer.AddMessage(parts_->channels.frames,
+                            LogTime(frame.step, parts_->engine.model().dt_s),
+                            message.SerializeAsString());
+}
+
+absl::Status InstantWriter::Finish() {
+  parts_->writer.Finish();
+  return parts_->writer.status();
+}
 
 bool IsMcap(const std::string& path) {
   constexpr char kMagic[] = "\x89MCAP0\r\n";
@@ -80,12 +85,11 @@ absl::Status RecordInstants(const std::string& scene, const std::vector<std::str
   const absl::StatusOr<std::unique_ptr<Engine>> engine =
       Engine::Create(loaded->model, Engine::Options());
   if (!engine.ok()) return absl::InvalidArgumentError(engine.status().message());
-  absl::StatusOr<ByteSink> sink = OpenFileSink(file, true);
-  if (!sink.ok()) return sink.status();
+  const absl::StatusOr<std::unique_ptr<InstantWriter>> writer = InstantWriter::Open(file, **engine);
+  if (!writer.ok()) return writer.status();
 
   std::sort(times_s.begin(), times_s.end());
-  InstantWriter writer(*std::move(sink), **engine);
-  writer.Write(**engine);
+  (*writer)->Write();
   std::int64_t step = 0;
   for (const double time_s : times_s) {
     const std::int64_t wanted = std::llround(time_s / loaded->model->dt_s);
@@ -96,9 +100,9 @@ absl::Status RecordInstants(const std::string& scene, const std::vector<std::str
       if (!(*engine)->frozen()) continue;
       return absl::InternalError(absl::StrCat("the state became non-finite in step ", step + 1));
     }
-    if (!written) writer.Write(**engine);
+    if (!written) (*writer)->Write();
   }
-  return writer.Finish();
+  return (*writer)->Finish();
 }
 
 absl::StatusOr<double> LastFrameTime(const std::string& file) {

@@ -4,12 +4,33 @@
 #include <absl/status/statusor.h>
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
+
+#include "core/engine/engine.h"
 
 namespace adhesim {
 
 // Recordings that pictures are taken of.
+
+// Writes frames of an engine into a recording, those that pictures are taken of.
+class InstantWriter {
+ public:
+  // Begins the file, with the scene and no frame. The engine may step on, but must live.
+  static absl::StatusOr<std::unique_ptr<InstantWriter>> Open(const std::string& file,
+                                                             const Engine& engine);
+  ~InstantWriter();
+
+  // The engine's state as it is now, later than the one before.
+  void Write();
+  absl::Status Finish();
+
+ private:
+  struct Parts;
+  explicit InstantWriter(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
 
 // Whether a file begins as MCAP files do.
 bool IsMcap(const std::string& path);

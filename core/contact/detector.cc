@@ -26,6 +26,13 @@ double Angle(const Vec3& u, const Vec3& v) {
   return 2 * (steep ? M_PI_2 - atan : atan);
 }
 
+const NearPair kNone{-1, -1, -1, Vec3::Zero(), Vec3::Zero(), 0, 1};
+
+bool IsBehind(const Vec3& p, const Triangle& tri, std::span<const Vec3> position_m) {
+  const Vec3& a = position_m[tri[0]];
+  return (position_m[tri[1]] - a).cross(position_m[tri[2]] - a).dot(p - a) <= 0;
+}
+
 }  // namespace
 
 struct Detector::Broad {
@@ -35,7 +42,7 @@ struct Detector::Broad {
   std::vector<std::pair<int, int>> pairs;  // bodies whose boxes overlap, first < second, ascending
 };
 
-Detector::Detector(const Model& model, double reach_m, bool edges)
+Detector::Detector(const Model& model, double reach_m, const Options& options)
     : model_(model), reach_m_(reach_m), skin_m_(reach_m), broad_(std::make_unique<Broad>()) {
   for (const Body& body : model.bodies) trees_.emplace_back(model, body);
 
@@ -65,7 +72,11 @@ Detector::Detector(const Model& model, double reach_m, bool edges)
   evaluated_.reserve(groups_.capacity());
   near_.reserve(groups_.capacity());
   listed_position_m_.reserve(model.rest_position_m.size());
-  if (edges) edge_pairs_ = std::make_unique<EdgePairs>(model, reach_m_ + skin_m_);
+  box_.resize(model.bodies.size());
+  if (options.self_apart_m) {
+    rest_ = std::make_unique<RestNeighbours>(model, *options.self_apart_m);
+  }
+  if (options.edges) edge_pairs_ = std::make_unique<EdgePairs>(model, reach_m_ + skin_m_);
 }
 
 Detector::~Detector() = default;
@@ -82,20 +93,32 @@ void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, Step
   Rebuild(position_m, report);
 }
 
-double Detector::ClosingSpeed(std::span<const Vec3> velocity_m_s) const {
+double Detector::ClosingSpeed(std::span<const Vec3> position_m,
+                              std::span<const Vec3> velocity_m_s) {
+  for (std::size_t b = 0; b < box_.size(); ++b) {
+    const Body& body = model_.bodies[b];
+    box_[b] = Aabb{};
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+      box_[b].Add(position_m[p]);
+  }
   // Of the triangles of one body that are near the other's box; a point of a triangle is no faster
-  // than its corners.
+  // than its corners. The trees name more than that, depending on when their list was made: the
+  // boxes of now decide.
   const auto velocities = [&](int body, const Aabb& near) {
-    Aabb box;
+    Aabb found;
     trees_[body].Query(near, [&](int t) {
-      for (int p : model_.triangles[t]) box.Add(velocity_m_s[p]);
+      const Triangle& tri = model_.triangles[t];
+      Aabb box;
+      for (int p : tri) box.Add(position_m[p]);
+      if (!box.Overlaps(near)) return;
+      for (int p : tri) found.Add(velocity_m_s[p]);
     });
-    return box;
+    return found;
   };
   double fastest_sq = 0;
   for (const auto& [a, b] : broad_->pairs) {
-    const Aabb of_a = velocities(a, trees_[b].bounds().Grown(reach_m_));
-    const Aabb of_b = velocities(b, trees_[a].bounds().Grown(reach_m_));
+    const Aabb of_a = velocities(a, box_[b].Grown(reach_m_));
+    const Aabb of_b = velocities(b, box_[a].Grown(reach_m_));
     if (!(of_a.min.x() <= of_a.max.x()) || !(of_b.min.x() <= of_b.max.x())) continue;  // empty
     fastest_sq =
         std::max(fastest_sq, (of_a.max - of_b.min).cwiseMax(of_b.max - of_a.min).squaredNorm());
@@ -139,13 +162,18 @@ void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
     AddGroups(b, a, position_m, report);
     if (edge_pairs_) edge_pairs_->AddBodies(a, b, trees_[b], position_m, report);
   }
+  for (int b = 0; rest_ && b < static_cast<int>(trees_.size()); ++b) {
+    if (model_.bodies[b].rigid || model_.bodies[b].all_fixed) continue;
+    AddGroups(b, b, position_m, report);
+    if (edge_pairs_) edge_pairs_->AddOwn(b, trees_[b], rest_.get(), position_m, report);
+  }
   if (edge_pairs_) edge_pairs_->End();
   std::sort(groups_.begin(), groups_.end(), [](const Group& g, const Group& h) {
     return g.particle != h.particle ? g.particle < h.particle : g.body < h.body;
   });
 }
 
-// Particles of body a near triangles of body b.
+// Particles of body a near triangles of body b; of a itself, those that may collide with it.
 void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report) {
   const Body& body = model_.bodies[a];
   const double within = reach_m_ + skin_m_;
@@ -155,12 +183,13 @@ void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepRep
     if (!box.Contains(x)) continue;
     Group group{p, b, static_cast<int>(candidate_.size()), 0, 0};
     double nearest_sq = within * within;
+    if (a == b) rest_->Of(p);
     trees_[b].Query(Aabb{x, x}.Grown(within), [&](int t) {
       const Triangle& tri = model_.triangles[t];
       const double distance_sq =
           ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]])
               .distance_sq_m2;
-      if (distance_sq > within * within) return;
+      if (distance_sq > within * within || (a == b && BelongTogether(p, t))) return;
       if (candidate_.size() == candidate_.capacity()) {
         report->bits |= kStepCandidateCapacity;
         return;
@@ -180,13 +209,23 @@ void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepRep
   }
 }
 
+// Whether the particle that `rest_` is asked about and a triangle of its body never collide.
+bool Detector::BelongTogether(int particle, int triangle) const {
+  if (rest_->IncludeTriangle(triangle)) return true;
+  const std::vector<Vec3>& rest = model_.rest_position_m;
+  const Triangle& tri = model_.triangles[triangle];
+  return rest_->TooNearAtRest(
+      ClosestPointOnTriangle(rest[particle], rest[tri[0]], rest[tri[1]], rest[tri[2]])
+          .distance_sq_m2);
+}
+
 std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Parallel* parallel) {
   evaluated_.resize(groups_.size());
   parallel->For(static_cast<int>(groups_.size()), kGrain, [&](int begin, int end) {
     for (int g = begin; g < end; ++g) {
       // Neither side has moved more than moved_m_, so the pair cannot be nearer than this.
       if (groups_[g].distance_m - 2 * moved_m_ > reach_m_) {
-        evaluated_[g].particle = -1;
+        evaluated_[g] = kNone;
       } else {
         evaluated_[g] = Evaluate(groups_[g], position_m);
       }
@@ -209,8 +248,13 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
   const Vec3& x = position_m[group.particle];
   ClosestPoint best{Vec3::Zero(), ClosestPoint::kFace, std::numeric_limits<double>::infinity()};
   int triangle = -1;
+  const bool closed = model_.bodies[group.body].closed;
+  // What a closed body's particle sees of it from inside is its own thickness; that must not hide
+  // what it sees from outside.
+  const bool from_outside = closed && model_.body_of[group.particle] == group.body;
   for (int k = group.first; k < group.first + group.count; ++k) {
     const Triangle& tri = model_.triangles[candidate_[k]];
+    if (from_outside && IsBehind(x, tri, position_m)) continue;
     const ClosestPoint point =
         ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]]);
     if (point.distance_sq_m2 < best.distance_sq_m2) {
@@ -218,6 +262,7 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
       triangle = candidate_[k];
     }
   }
+  if (triangle < 0) return kNone;
   const Triangle& tri = model_.triangles[triangle];
   const Vec3 nearest = best.weights(0) * position_m[tri[0]] + best.weights(1) * position_m[tri[1]] +
                        best.weights(2) * position_m[tri[2]];
@@ -226,7 +271,8 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
   const double distance = offset.norm();
   const bool outside = offset.dot(outward) >= 0;
   NearPair pair{group.particle, group.body, triangle, best.weights, outward, distance, 1};
-  if (model_.bodies[group.body].closed) {
+  if (from_outside && !outside) return kNone;
+  if (closed) {
     if (!outside) pair.gap_m = -distance;
     if (distance > 0) pair.normal = offset / (outside ? distance : -distance);
   } else {

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/contact/edge_pairs.h"
+#include "core/contact/rest_neighbours.h"
 #include "core/contact/triangle_tree.h"
 #include "core/model/closest_point.h"
 #include "core/model/frame.h"
@@ -24,8 +26,14 @@ namespace adhesim {
 // changes a result.
 class Detector {
  public:
-  // `edges`: edges are wanted too.
-  Detector(const Model& model, double reach_m, bool edges = false);
+  struct Options {
+    bool edges = false;  // edges over edges are wanted too
+    // Deformable bodies' surfaces against themselves too, where they are further apart than this at
+    // rest. Of a closed body that is seen from outside only: from inside it is its own thickness.
+    std::optional<double> self_apart_m;
+  };
+  Detector(const Model& model, double reach_m, const Options& options);
+  Detector(const Model& model, double reach_m) : Detector(model, reach_m, Options()) {}
   ~Detector();
 
   // Renews the list if particles have moved too far since it was made. Report bit:
@@ -42,7 +50,7 @@ class Detector {
   double reach_m() const { return reach_m_; }
   // Upper bound of the speed at which surfaces of different bodies nearer than reach_m() close in,
   // at these velocities and the positions of the last Update.
-  double ClosingSpeed(std::span<const Vec3> velocity_m_s) const;
+  double ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s);
   // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`,
   // overlaps `box`.
   template <typename Visit>
@@ -60,6 +68,7 @@ class Detector {
   };
   void Rebuild(std::span<const Vec3> position_m, StepReport* report);
   void AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report);
+  bool BelongTogether(int particle, int triangle) const;
   NearPair Evaluate(const Group& group, std::span<const Vec3> position_m) const;
   Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature,
                     std::span<const Vec3> position_m) const;
@@ -68,6 +77,7 @@ class Detector {
   double reach_m_;
   double skin_m_;
   std::vector<TriangleTree> trees_;  // [#bodies]
+  std::vector<Aabb> box_;            // [#bodies] of ClosingSpeed
   std::vector<std::array<std::int32_t, 3>>
       across_;  // [#triangles] triangle across the edge k to k + 1, or -1
   std::unique_ptr<Broad> broad_;
@@ -78,6 +88,7 @@ class Detector {
   std::vector<NearPair> evaluated_;      // [#groups]
   std::vector<NearPair> near_;
   std::unique_ptr<EdgePairs> edge_pairs_;  // null: not wanted
+  std::unique_ptr<RestNeighbours> rest_;   // null: no self-collision
 };
 
 }  // namespace adhesim

@@ -61,26 +61,48 @@ void EdgePairs::AddBodies(int a, int b, const TriangleTree& tree, std::span<cons
   const Aabb bounds = tree.bounds().Grown(within_m_);
   for (int e = first_edge_[a]; e < first_edge_[a + 1]; ++e) {
     const Vec3 &a0 = position_m[edges_[e].ends[0]], &a1 = position_m[edges_[e].ends[1]];
-    Aabb box;
-    box.Add(a0);
-    box.Add(a1);
-    if (!bounds.Overlaps(box)) continue;
-    box = box.Grown(within_m_);
-    tree.Query(box, [&](int t) {
-      for (int other : owned_[t]) {
-        if (other < 0) continue;
-        const Vec3 &b0 = position_m[edges_[other].ends[0]], &b1 = position_m[edges_[other].ends[1]];
-        if (!box.Overlaps({b0.cwiseMin(b1), b0.cwiseMax(b1)})) continue;
-        const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
-        if (distance_sq > within_m_ * within_m_) continue;
-        if (candidate_.size() == candidate_.capacity()) {
-          report->bits |= kStepCandidateCapacity;
-          return;
-        }
-        candidate_.push_back({e, other, std::sqrt(distance_sq)});
-      }
-    });
+    if (!bounds.Overlaps({a0.cwiseMin(a1), a0.cwiseMax(a1)})) continue;
+    AddEdge(e, tree, nullptr, position_m, report);
   }
+}
+
+void EdgePairs::AddOwn(int b, const TriangleTree& tree, RestNeighbours* rest,
+                       std::span<const Vec3> position_m, StepReport* report) {
+  for (int e = first_edge_[b]; e < first_edge_[b + 1]; ++e) {
+    rest->Of(edges_[e].ends[0]);
+    rest->And(edges_[e].ends[1]);
+    AddEdge(e, tree, rest, position_m, report);
+  }
+}
+
+void EdgePairs::AddEdge(int e, const TriangleTree& tree, const RestNeighbours* rest,
+                        std::span<const Vec3> position_m, StepReport* report) {
+  const Vec3 &a0 = position_m[edges_[e].ends[0]], &a1 = position_m[edges_[e].ends[1]];
+  const Aabb box = Aabb{a0.cwiseMin(a1), a0.cwiseMax(a1)}.Grown(within_m_);
+  tree.Query(box, [&](int t) {
+    for (int other : owned_[t]) {
+      // An edge of its own body: each pair once.
+      if (other < 0 || (rest && other <= e)) continue;
+      const Vec3 &b0 = position_m[edges_[other].ends[0]], &b1 = position_m[edges_[other].ends[1]];
+      if (!box.Overlaps({b0.cwiseMin(b1), b0.cwiseMax(b1)})) continue;
+      const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
+      if (distance_sq > within_m_ * within_m_) continue;
+      if (rest && BelongTogether(*rest, edges_[e], edges_[other])) continue;
+      if (candidate_.size() == candidate_.capacity()) {
+        report->bits |= kStepCandidateCapacity;
+        return;
+      }
+      candidate_.push_back({e, other, std::sqrt(distance_sq)});
+    }
+  });
+}
+
+// Whether edge `a`, whose ends `rest` is asked about, and `b` never collide.
+bool EdgePairs::BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const {
+  if (rest.Include(b.ends[0]) || rest.Include(b.ends[1])) return true;
+  const std::vector<Vec3>& x = model_.rest_position_m;
+  return rest.TooNearAtRest(
+      SegmentDistanceSq(x[a.ends[0]], x[a.ends[1]], x[b.ends[0]], x[b.ends[1]]));
 }
 
 void EdgePairs::End() {
@@ -136,6 +158,7 @@ bool EdgePairs::LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
 bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
                          std::span<const Vec3> position_m, NearEdges* near) const {
   const Edge &a = edges_[pair.a], &b = edges_[pair.b];
+  const bool own = model_.body_of[a.ends[0]] == model_.body_of[b.ends[0]];
   const bool a_closed = model_.bodies[model_.body_of[a.ends[0]]].closed;
   const bool b_closed = model_.bodies[model_.body_of[b.ends[0]]].closed;
   const double distance = crossing.offset.norm();
@@ -152,7 +175,7 @@ bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
   if (faces(direction)) {
     near->normal = direction;
     near->gap_m = distance;
-  } else if ((a_closed || b_closed || distance == 0) && faces(-direction)) {
+  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction)) {
     near->normal = -direction;
     near->gap_m = -distance;
   } else {

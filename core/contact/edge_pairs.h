@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/contact/rest_neighbours.h"
 #include "core/contact/triangle_tree.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
@@ -11,7 +12,8 @@
 
 namespace adhesim {
 
-// Edge `a` of one body that crosses over edge `b` of another, nearest in both edges' insides.
+// Edge `a` of one body that crosses over edge `b` of another (or of its own, elsewhere), nearest in
+// both edges' insides.
 struct NearEdges {
   std::array<std::int32_t, 2> ends;  // of edge a, ascending
   double s;                          // its contact point is (1 - s) ends[0] + s ends[1]
@@ -39,6 +41,9 @@ class EdgePairs {
   // Lists the edges of body `a` within `within_m` of those of body `b`, whose tree is given.
   void AddBodies(int a, int b, const TriangleTree& tree, std::span<const Vec3> position_m,
                  StepReport* report);
+  // The same for body `b` and itself, without what `rest` says never collides.
+  void AddOwn(int b, const TriangleTree& tree, RestNeighbours* rest,
+              std::span<const Vec3> position_m, StepReport* report);
   void End();
 
   // Pairs with |gap| <= reach, ascending by (edge a, edge b), when no particle has moved more than
@@ -60,6 +65,9 @@ class EdgePairs {
     std::int32_t a, b;
     double distance_m;  // when the list was made
   };
+  void AddEdge(int edge, const TriangleTree& tree, const RestNeighbours* rest,
+               std::span<const Vec3> position_m, StepReport* report);
+  bool BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const;
   // Where two lines are nearest, if that is inside both edges and within reach.
   struct Crossing {
     double s, t;

@@ -43,7 +43,7 @@ void RigidInterfaces::CollectEdges(const Contacts& contacts) {
   };
   // Only zones with a rigid body have an interface between rigid things.
   const auto relevant = [&](const Edge& edge) {
-    return edge.zone >= 0 && contacts.zones[edge.zone].rigid_body >= 0;
+    return edge.zone >= 0 && edge.a != edge.b && contacts.zones[edge.zone].rigid_body >= 0;
   };
   for (const Bond& bond : contacts.bonds) {
     const Edge edge = edge_of(bond);

@@ -69,9 +69,15 @@ void Pipeline::CompileContact() {
   for (const auto& effect : effects_) {
     if (const double m = effect->contact_reach_m(); m > 0) feels(m, m);
   }
-  if (reach_m > 0)
-    detector_ =
-        std::make_unique<Detector>(*model_, reach_m, /*edges=*/model_->adhesive.has_value());
+  if (reach_m <= 0) return;
+  Detector::Options options;
+  if (model_->adhesive) {
+    options.edges = true;
+    if (model_->adhesive->self_collision) {
+      options.self_apart_m = model_->adhesive->release_distance_m;
+    }
+  }
+  detector_ = std::make_unique<Detector>(*model_, reach_m, options);
 }
 
 // Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of

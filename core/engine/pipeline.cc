@@ -98,8 +98,8 @@ int Pipeline::SubstepsNow() {
   if (!(wanted <= substeps_) && state_.tools.empty()) {
     // Only what is within reach needs so many; the rest has further to go.
     detector_->Update(state_.position_m, &parallel_, &report_);
-    const double near =
-        detector_->ClosingSpeed(state_.velocity_m_s) * model_->dt_s / (0.5 * contact_distance_m_);
+    const double near = detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s) *
+                        model_->dt_s / (0.5 * contact_distance_m_);
     const double far = closing * model_->dt_s / (detector_->reach_m() - 0.5 * contact_distance_m_);
     wanted = near > far ? near : far;
   }
@@ -326,22 +326,30 @@ void Pipeline::Restore(const State& state) {
 }
 
 double Pipeline::MechanicalEnergy() const {
-  // On copies: forces are evaluated for their energy only.
+  // On copies: forces are evaluated for their energy only. Near pairs are those of now; finding
+  // them early changes no later step.
+  StepReport report;
+  std::span<const NearPair> near;
+  if (detector_) {
+    detector_->Update(state_.position_m, &parallel_, &report);
+    near = detector_->Find(state_.position_m, &parallel_);
+  }
   std::array<std::vector<Vec3>, kForceKinds> force;
   for (int kind = 0; kind < kForceKinds; ++kind)
     force[kind].assign(force_n_[kind].size(), Vec3::Zero());
   std::vector<double> effect_state = state_.effect_state;
   const ForceOutput out{force[0], force[1], force[2], force[3]};
-  return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, out);
+  return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, near, out);
 }
 
-double Pipeline::SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const {
+double Pipeline::SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
+                                  const ForceOutput& out) const {
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const ForceInput in{
         state_.position_m, state_.velocity_m_s,
         state_.time_s,     effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
-        &parallel_,        near_};
+        &parallel_,        near};
     elastic_j += effects_[e]->AddForces(in, out);
   }
   return elastic_j;

@@ -60,7 +60,8 @@ class Pipeline : public Engine {
   void EndSliding();
   double AddAllForces();
   void EvaluateForces();
-  double SumElasticEnergy(std::span<double> effect_state, const ForceOutput& out) const;
+  double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
+                          const ForceOutput& out) const;
   void MoveTools(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);

@@ -89,6 +89,7 @@ struct AdhesiveParameters {
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
   std::optional<BellRelease> bell;
   std::optional<double> friction_coefficient;  // absent: what sticks under pressure never slides
+  bool self_collision = false;         // surfaces stick to themselves too
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.

@@ -216,6 +216,7 @@ AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std:
          absl::StrCat(built.release_distance_m, " m must be greater than capture_distance_m (",
                       built.capture_distance_m, " m)")});
   }
+  built.self_collision = adhesive.self_collision();
   // A strength that is not written is infinite, except that shear follows normal.
   if (adhesive.has_normal_strength_pa()) {
     built.strength.normal_pa = built.strength.shear_pa = adhesive.normal_strength_pa();

@@ -106,6 +106,18 @@ void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
   }
 }
 
+void CheckLinks(const v1::ElasticLinks& links, const std::string& path, Problems* problems) {
+  if (!links.has_max_length_m() || !links.has_capture_distance_m() ||
+      links.max_length_m() > links.capture_distance_m()) {
+    return;
+  }
+  problems->push_back(
+      {path + ".max_length_m",
+       absl::StrCat("is ", NumberText(links.max_length_m()), "; permitted: above ",
+                    NumberText(links.capture_distance_m()),
+                    ", the capture distance (a link would break as soon as it is made)")});
+}
+
 // The bodies that an elastic effect acts on: those it names, or every deformable one. Reports rigid
 // ones named and those that an earlier effect of the same kind (in `taken`) acts on.
 void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& named,
@@ -160,6 +172,8 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
       }
       adhesive = i;
       CheckAdhesive(effect.virtual_adhesive(), path + ".virtual_adhesive", problems);
+    } else if (effect.has_elastic_links()) {
+      CheckLinks(effect.elastic_links(), path + ".elastic_links", problems);
     }
   }
 }

@@ -92,6 +92,65 @@ TEST(Detector, FindsWhatBruteForceFindsWhileEverythingMoves) {
   EXPECT_GT(found, 500);
 }
 
+// Mesh edges between two particles, at most `most`.
+bool WithinEdges(const Model& model, int from, int to, int most) {
+  if (from == to) return true;
+  for (int k = model.neighbour_start[from]; most > 0 && k < model.neighbour_start[from + 1]; ++k) {
+    if (WithinEdges(model, model.neighbours[k], to, most - 1)) return true;
+  }
+  return false;
+}
+
+TEST(Detector, FindsABodysOwnParticlesAndEdgesWhereTheyMayCollide) {
+  const auto model = ModelOf(R"(
+bodies:
+  - {name: sheet, sheet: {length_m: 1, width_m: 1, columns: 7, rows: 7}, mass_kg: 1}
+)");
+  const double reach = 0.05, apart = 0.45;  // at rest further than two edges of 0.17 m
+  Detector detector(*model, reach, {.edges = true, .self_apart_m = apart});
+  Parallel one(1);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-0.4, 0.4);
+  const std::vector<Vec3>& rest = model->rest_position_m;
+  int found = 0, edges = 0;
+  for (int trial = 0; trial < 20; ++trial) {
+    std::vector<Vec3> x = rest;  // crumpled
+    for (Vec3& p : x) p = Vec3(uniform(random), uniform(random), uniform(random));
+    StepReport report;
+    detector.Update(x, &one, &report);
+    std::map<int, double> expected;  // distance of each particle that has a triangle in reach
+    for (int p = 0; p < model->particle_count(); ++p) {
+      double nearest_sq = reach * reach;
+      for (const Triangle& tri : model->triangles) {
+        const bool together =
+            std::ranges::any_of(tri, [&](int v) { return WithinEdges(*model, p, v, 2); }) ||
+            ClosestPointOnTriangle(rest[p], rest[tri[0]], rest[tri[1]], rest[tri[2]])
+                    .distance_sq_m2 < apart * apart;
+        const double d =
+            ClosestPointOnTriangle(x[p], x[tri[0]], x[tri[1]], x[tri[2]]).distance_sq_m2;
+        if (together || d >= nearest_sq) continue;
+        expected[p] = std::sqrt(nearest_sq = d);
+      }
+    }
+    const auto near = detector.Find(x, &one);
+    ASSERT_EQ(near.size(), expected.size());
+    for (const NearPair& pair : near) EXPECT_NEAR(pair.gap_m, expected.at(pair.particle), 1e-12);
+    found += static_cast<int>(near.size());
+    for (const NearEdges& pair : detector.FindEdges(x, &one, &report)) {
+      ++edges;
+      for (int p : pair.ends) {
+        for (int k = 0; k < 3; ++k) {
+          const int v = model->triangles[pair.triangle][k];
+          if (pair.weights(k) > 0) EXPECT_FALSE(WithinEdges(*model, p, v, 2));
+        }
+      }
+    }
+    EXPECT_EQ(report.bits, 0u);
+  }
+  EXPECT_GT(found, 50);
+  EXPECT_GT(edges, 10);
+}
+
 // Two bodies' edges, each once, with the triangles they belong to.
 struct MeshEdge {
   int p, q;
@@ -128,7 +187,7 @@ bodies:
   - {name: plane, sheet: {length_m: 3, width_m: 3, columns: 8, rows: 8}, mass_kg: 1, position_m: [0, 0, -0.48]}
 )");
   const double reach = 0.1;
-  Detector detector(*model, reach, /*edges=*/true);
+  Detector detector(*model, reach, {.edges = true});
   Parallel one(1), two(2);
   std::vector<Vec3> x = model->rest_position_m;
   std::vector<std::vector<MeshEdge>> edges;

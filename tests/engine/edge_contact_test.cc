@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
+#include <string>
 
 #include "core/contact/penetration.h"
 #include "core/model/diagnostics.h"
@@ -61,6 +63,85 @@ effects:
   // They pass each other in a quarter of the throws.
   EXPECT_GT(met, kSanitized ? 2 : 30);
   EXPECT_GT(by_edges, kSanitized ? 1 : 20);
+}
+
+// A block on its edge over another on its edge, at right angles: nothing but two edges can meet.
+std::string CrossedBlocks(const std::string& kind, double strength_pa, double pull_m_s2,
+                          bool swapped) {
+  std::string a = "  - {name: a, kind: " + kind +
+                  ", block: {size_m: [1, 1, 1], cells: 2}, mass_kg: 1, rotation_deg: [45, 0, 0], "
+                  "position_m: [0.13, 0.21, 0.72], velocity_m_s: [0, 0, -1]}\n";
+  const std::string b = "  - {name: b, kind: " + kind +
+                        ", block: {size_m: [1, 1, 1], cells: 2}, mass_kg: 1, rotation_deg: [0, 45, "
+                        "0], position_m: [0, 0, -0.72], velocity_m_s: [0, 0, 1]}\n";
+  const std::string pull = ", acceleration_m_s2: " + std::to_string(pull_m_s2) + "}\n";
+  return "bodies:\n" + (swapped ? b + a : a + b) + "effects:\n" +
+         (kind == "rigid" ? "" : "  - shape_memory: {stiffness_n_m: 200}\n") +
+         "  - attraction: {bodies: [a], point_m: [0, 0, 100]" + pull +
+         "  - attraction: {bodies: [b], point_m: [0, 0, -100]" + pull +
+         "  - virtual_adhesive: {capture_distance_m: 0.01, normal_strength_pa: " +
+         std::to_string(strength_pa) + ", shear_strength_pa: 1e9}\n";
+}
+
+TEST(EdgeContact, CrossedEdgesAreCapturedAtTheCaptureDistanceAndHold) {
+  auto engine = EngineOf(CrossedBlocks("rigid", 1e6, 0, false));
+  StepMany(engine.get(), 300);
+  const Contacts& contacts = engine->state().contacts;
+  ASSERT_EQ(contacts.bonds.size(), 1u);
+  EXPECT_EQ(EdgeBonds(*engine), 1);
+  EXPECT_LT(contacts.bonds[0].gap_m, 0.01);
+  EXPECT_GE(contacts.bonds[0].gap_m, 0.005);  // nothing crosses half of it in a sub-step
+  EXPECT_EQ(CountEdgesThrough(engine->model(), engine->state().position_m), 0);
+}
+
+TEST(EdgeContact, CrossedEdgesPartAtTheirStrength) {
+  auto measured = EngineOf(CrossedBlocks("rigid", 1e6, 0, false));
+  StepMany(measured.get(), 30);
+  const Model& model = measured->model();
+  ASSERT_EQ(measured->state().contacts.bonds.size(), 1u);
+  double area_m2[2] = {0, 0};
+  measured->state().contacts.bonds[0].ForEachMember(
+      [&](int p) { area_m2[model.body_of[p]] += model.area_m2[p]; });
+  // Each block of 1 kg is pulled by 2 N; 2 % is what the issue grants to strengths.
+  const double critical_pa = 2 / std::min(area_m2[0], area_m2[1]);
+  const auto holds = [](double strength_pa) {
+    auto engine = EngineOf(CrossedBlocks("rigid", strength_pa, 2, false));
+    int captures = 0;
+    for (int k = 0; k < 300; ++k) captures += engine->Step({}).captures;
+    EXPECT_GT(captures, 0);
+    return !engine->state().contacts.bonds.empty();
+  };
+  EXPECT_TRUE(holds(1.02 * critical_pa));
+  EXPECT_FALSE(holds(0.98 * critical_pa));
+}
+
+TEST(EdgeContact, DoesNotDependOnTheOrderOfBodies) {
+  auto first = EngineOf(CrossedBlocks("deformable", 1e6, 0, false));
+  auto second = EngineOf(CrossedBlocks("deformable", 1e6, 0, true));
+  StepMany(first.get(), 100);
+  StepMany(second.get(), 100);
+  EXPECT_GT(EdgeBonds(*first), 0);
+  const std::vector<Vec3>&x = first->state().position_m, &y = second->state().position_m;
+  const std::size_t half = x.size() / 2;
+  double furthest_m = 0;
+  for (std::size_t p = 0; p < half; ++p) {
+    furthest_m = std::max({furthest_m, (x[p] - y[half + p]).norm(), (x[half + p] - y[p]).norm()});
+  }
+  EXPECT_LT(furthest_m, 1e-9);  // round-off of sums in another order, 100 steps of it
+}
+
+// Without edges two to four particles end up inside.
+TEST(EdgeContact, SpheresStayOutOfASheetSixTimesAsStiff) {
+  if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
+  SceneFile file = ReadSceneFile(ADHESIM_SOURCE_DIR "/scenes/paper/six_spheres_on_plane.yaml");
+  file.scene.mutable_effects(1)->mutable_shape_memory()->set_stiffness_n_m(2400);
+  auto engine = EngineOf(ModelOf(file));
+  for (int k = 0; k < 12; ++k) {
+    EXPECT_EQ(StepMany(engine.get(), 250), 0u);
+    const std::vector<Vec3>& x = engine->state().position_m;
+    EXPECT_EQ(MeasurePenetration(engine->model(), x).vertices_inside, 0);
+    EXPECT_EQ(CountEdgesThrough(engine->model(), x), 0);
+  }
 }
 
 }  // namespace

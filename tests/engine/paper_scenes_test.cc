@@ -46,6 +46,9 @@ TEST(PaperScenes, CellsAggregate) {
     EXPECT_EQ(StepMany(engine.get(), 1000), 0u);
     EXPECT_GE(engine->state().contacts.colliding_particles, colliding);
     colliding = engine->state().contacts.colliding_particles;
+    const std::vector<Vec3>& x = engine->state().position_m;
+    EXPECT_EQ(MeasurePenetration(engine->model(), x).vertices_inside, 0);
+    EXPECT_EQ(CountEdgesThrough(engine->model(), x), 0);
   }
   EXPECT_LT(RadiusOfGyration(*engine), 0.75 * before_m);
   EXPECT_GT(colliding, 250);  // of 1050

@@ -31,6 +31,7 @@ effects:
   - uniform_gravity: {}
   - shape_memory: {stiffness_n_m: 60, damping_n_s_m: 0.02}
   - volume_preservation: {}
+  - drag: {rate_per_s: 5}  # it must not roll off
   - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 0}
 )");
   double depth = 0;

@@ -61,6 +61,16 @@ TEST(ValidateScene, RefusesReleaseBelowCapture) {
               HasSubstr("virtual_adhesive.release_distance_m: is 0.002; permitted: above 0.002"));
 }
 
+TEST(ValidateScene, RefusesLinksThatBreakWhenMade) {
+  v1::Scene scene = Sample();
+  v1::ElasticLinks* links = scene.add_effects()->mutable_elastic_links();
+  links->set_capture_distance_m(0.002);
+  links->set_stiffness_n_m(1);
+  links->set_max_length_m(0.002);
+  EXPECT_THAT(Described(scene),
+              HasSubstr("elastic_links.max_length_m: is 0.002; permitted: above 0.002"));
+}
+
 TEST(ValidateScene, RefusesTwoAdhesives) {
   v1::Scene scene = Sample();
   *scene.add_effects() = scene.effects(6);
