@@ -75,7 +75,6 @@ void Pipeline::CompileContact() {
     options.edges = true;
     if (model_->adhesive->self_collision) {
       options.self_apart_m = model_->adhesive->release_distance_m;
-      contact_with_itself_ = true;
     }
   }
   detector_ = std::make_unique<Detector>(*model_, reach_m, options);

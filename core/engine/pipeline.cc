@@ -95,8 +95,10 @@ int Pipeline::SubstepsNow() {
   }
   const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
   double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
-  if (!(wanted <= substeps_) && state_.tools.empty() && !contact_with_itself_) {
-    // Only what is within reach needs so many; the rest has further to go.
+  const bool within_bodies = model_->adhesive && model_->adhesive->self_collision;
+  if (!(wanted <= substeps_) && state_.tools.empty() && !within_bodies) {
+    // Only what is within reach needs so many; the rest has further to go. ClosingSpeed() is of
+    // pairs of bodies: tools, and a body that meets itself, keep to the box.
     detector_->Update(state_.position_m, &parallel_, &report_);
     const double near = detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s) *
                         model_->dt_s / (0.5 * contact_distance_m_);

@@ -79,7 +79,6 @@ class Pipeline : public Engine {
   std::vector<std::unique_ptr<Effect>> effects_;
   std::vector<int> effect_state_first_;  // [#effects] into State::effect_state
   std::unique_ptr<Detector> detector_;   // null without contact
-  bool contact_with_itself_ = false;     // surfaces may touch their own
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
   std::unique_ptr<Overlap> overlap_;  // null when no bodies overlap at the start

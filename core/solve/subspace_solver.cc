@@ -10,6 +10,7 @@ namespace {
 
 constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
 constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
+constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
 constexpr int kSlideSweeps = 8;            // over the sliding contacts in one turn
 constexpr int kGrain = 4096;               // particles: about 20 us of work
@@ -51,8 +52,8 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   MakeParts();
   if (rows_ == 0) return;
   on_zone_.reserve(n);
-  for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &change_,
-                      &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
+  for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_,
+                      &change_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
     array->assign(rows_, 0);
   }
 }
@@ -122,6 +123,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
   } else {
     MoveAll(state, dt_s, parallel);
   }
+  FinishMove(state);
   for (int p : slides_.particles()) load_n_[p].setZero();
   for (int p : state.contacts.zone_members) {
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
@@ -153,30 +155,34 @@ void SubspaceSolver::KickAll(const State& state) {
   }
 }
 
-// The same, and positions and velocities after the move.
+// Positions after the move.
 void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel) {
   parallel->VectorFor(static_cast<int>(parts_.size()), part_grain_, [&](int begin, int end) {
     const double *x = Flat(state.position_m), *free = Flat(free_m_s_), *response = Flat(response_);
-    double *kicked = Flat(kicked_m_s_), *moved = Flat(moved_m_), *after = Flat(moved_velocity_m_s_);
+    double* moved = Flat(moved_m_);
     for (int k = begin; k < end; ++k) {
       const Part& part = parts_[k];
       const double multiplier = part.row < 0 ? 0 : multiplier_[part.row];
       for (int i = 3 * part.first; i < 3 * (part.first + part.count); ++i) {
-        const double v = part.row < 0 ? free[i] : free[i] + multiplier * response[i];
-        kicked[i] = after[i] = v;
-        moved[i] = x[i] + dt_s * v;
+        moved[i] = x[i] + dt_s * (part.row < 0 ? free[i] : free[i] + multiplier * response[i]);
       }
     }
   });
   for (std::size_t z = 0; z < groups_.size(); ++z) {
-    RigidGroup& group = groups_[z];
-    group.Move(dt_s);
+    groups_[z].Move(dt_s);
     for (int p : Members(state.contacts, static_cast<int>(z))) {
-      if (model_.fixed[p]) continue;
-      const Vec3& x = state.position_m[p];
-      kicked_m_s_[p] = group.VelocityAt(x);
-      moved_m_[p] = group.MovedPosition(x);
-      moved_velocity_m_s_[p] = group.MovedVelocity(moved_m_[p]);
+      if (!model_.fixed[p]) moved_m_[p] = groups_[z].MovedPosition(state.position_m[p]);
+    }
+  }
+}
+
+// Velocities before and after the move that MoveAll() made.
+void SubspaceSolver::FinishMove(const State& state) {
+  KickAll(state);
+  moved_velocity_m_s_ = kicked_m_s_;
+  for (std::size_t z = 0; z < groups_.size(); ++z) {
+    for (int p : Members(state.contacts, static_cast<int>(z))) {
+      if (!model_.fixed[p]) moved_velocity_m_s_[p] = groups_[z].MovedVelocity(moved_m_[p]);
     }
   }
 }
@@ -312,6 +318,18 @@ void SubspaceSolver::MeetSlides(const State& state) {
   }
 }
 
+// The gradient is that of x_n, so that the error shrinks by a nearly constant factor. What the last
+// iteration left of a row's error is that factor: the sum of the series (Aitken) saves an
+// iteration.
+void SubspaceSolver::Extrapolate(int iteration) {
+  for (int r = 0; r < rows_; ++r) {
+    const double measured = residual_[r];
+    const double left = iteration > 0 && left_[r] != 0 ? measured / left_[r] : 0;
+    if (std::abs(left) < kFastConvergence) residual_[r] *= 1 / (1 - left);
+    left_[r] = measured;
+  }
+}
+
 void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
                                      StepReport* report) {
   double before = std::numeric_limits<double>::infinity();
@@ -329,6 +347,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
       residual_[r] /= -dt_s;
     }
     if (worst <= kConstraintTolerance) return;
+    Extrapolate(iteration);
     // At the floor of round-off the error stops shrinking.
     if (iteration == kConstraintIterations || !(worst < 1e3)) {
       if (!(before < 1e-10)) report->bits |= kStepVolumeNotMet;

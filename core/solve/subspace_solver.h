@@ -82,6 +82,8 @@ class SubspaceSolver {
   void MeetSlides(const State& state);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
+  void FinishMove(const State& state);
+  void Extrapolate(int iteration);
   void SolveRows(std::span<const double> rhs, std::span<double> x);
   void ApplyRows(std::span<const double> x, std::span<double> y) const;
   void AddMultipliers(std::span<const double> change);
@@ -112,8 +114,8 @@ class SubspaceSolver {
   std::vector<double> movable_;         // [#rows] the same with those in zones as if they were free
   std::vector<double> preconditioner_;  // [#rows]
   std::vector<RowOnZone> on_zone_;
-  std::vector<Twist> zone_response_;                                    // [#zones]
-  std::vector<double> residual_, change_, cg_r_, cg_p_, cg_ap_, cg_z_;  // [#rows]
+  std::vector<Twist> zone_response_;                                           // [#zones]
+  std::vector<double> residual_, left_, change_, cg_r_, cg_p_, cg_ap_, cg_z_;  // [#rows]
 };
 
 }  // namespace adhesim

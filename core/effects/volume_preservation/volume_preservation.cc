@@ -34,7 +34,7 @@ void VolumePreservationEffect::ConstraintGradients(std::span<const Vec3> positio
     for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
       const Triangle& tri = model_.triangles[t];
       const Vec3 a = position_m[tri[0]];
-      const Vec3 normal = (position_m[tri[1]] - a).cross(position_m[tri[2]] - a) / 6;
+      const Vec3 normal = (1.0 / 6) * (position_m[tri[1]] - a).cross(position_m[tri[2]] - a);
       for (int p : tri) gradient[p] += normal;
     }
   }
