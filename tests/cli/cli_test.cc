@@ -261,7 +261,7 @@ TEST(Cli, ExplainsWhatASceneSwitchesOn) {
   EXPECT_EQ(json["effects"][2]["name"], "uniform_gravity");
   EXPECT_EQ(json["effects"][2]["line"], 8);
   EXPECT_FALSE(json["stages"].empty());
-  EXPECT_EQ(json["left_out"].size(), 6u);
+  EXPECT_EQ(json["left_out"].size(), 7u);
 }
 
 }  // namespace

@@ -111,16 +111,17 @@ TEST(PaperScenes, HalfOfTheContactIsThereWithinTwoSeconds) {
   if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
   struct Run {
     const char* scene;
-    double duration_s;  // as the scene's file says
+    double duration_s;    // as the scene's file says
+    int least_colliding;  // that it is contact at all: two coarse balls meet by some edges
   };
-  for (const Run& run : {Run{"six_spheres_on_plane", 6}, Run{"two_cells_sticky", 5},
-                         Run{"rolling_ball", 2}, Run{"cell_aggregation", 4}}) {
+  for (const Run& run : {Run{"six_spheres_on_plane", 6, 12}, Run{"two_cells_sticky", 5, 8},
+                         Run{"rolling_ball", 2, 12}, Run{"cell_aggregation", 4, 12}}) {
     const auto engine = SceneEngine(std::string("paper/") + run.scene + ".yaml");
     StepMany(engine.get(), 2000);
     const int early = engine->state().contacts.colliding_particles;
     StepMany(engine.get(), static_cast<int>(1000 * (run.duration_s - 2)));
     EXPECT_GE(2 * early, engine->state().contacts.colliding_particles) << run.scene;
-    EXPECT_GE(early, 12) << run.scene;
+    EXPECT_GE(early, run.least_colliding) << run.scene;
   }
 }
 
