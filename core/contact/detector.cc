@@ -43,7 +43,7 @@ struct Detector::Broad {
 };
 
 Detector::Detector(const Model& model, double reach_m, const Options& options)
-    : model_(model), reach_m_(reach_m), skin_m_(reach_m), broad_(std::make_unique<Broad>()) {
+    : model_(model), reach_m_(reach_m), skin_m_(2 * reach_m), broad_(std::make_unique<Broad>()) {
   for (const Body& body : model.bodies) trees_.emplace_back(model, body);
 
   across_.assign(model.triangles.size(), {-1, -1, -1});
