@@ -394,6 +394,56 @@ bool Adhesive::TakenByChance(int who, const Demand& demand, const Vec3& load, do
   return Chance(model_.seed, contacts.draws, who) >= Exp(-rate_per_s * chance_s);
 }
 
+int Adhesive::ReleaseParticles(std::span<const Vec3> load_n, double chance_s,
+                               const Contacts& contacts, Zone* zone) {
+  int released = 0;
+  for (int k = zone->first; k < zone->first + zone->count; ++k) {
+    const int p = contacts.zone_members[k];
+    if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
+    const Demand demand = DemandOn(limit_[p], load_n[p]);
+    zone->load = std::max(zone->load, demand.ratio);
+    if (demand.ratio > 1 || TakenByChance(p, demand, load_n[p], chance_s, contacts)) {
+      (demand.slides ? limit_[p].slides : limit_[p].released) = true;
+      ++released;
+    }
+  }
+  return released;
+}
+
+int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
+                           Zone* zone) {
+  int released = 0;
+  // Members ascend, and so do their bodies.
+  for (int k = zone->first, end; k < zone->first + zone->count; k = end) {
+    const int first = contacts.zone_members[k];
+    const int body = model_.body_of[first];
+    Limit whole{Vec3::Zero(), 0, 0, true, true, false, false};
+    Vec3 load = Vec3::Zero();
+    bool fixed = false;
+    for (end = k; end < zone->first + zone->count; ++end) {
+      const int p = contacts.zone_members[end];
+      if (model_.body_of[p] != body) break;
+      if (!limit_[p].bonded) continue;
+      fixed = fixed || model_.fixed[p];
+      whole.normal_sum += limit_[p].normal_sum;
+      whole.normal_n += limit_[p].normal_n;
+      whole.shear_n += limit_[p].shear_n;
+      whole.may_slide = whole.may_slide && limit_[p].may_slide;
+      load += load_n[p];
+    }
+    if (fixed) continue;  // its load is not of the contact alone; the other side decides
+    const Demand demand = DemandOn(whole, load);
+    zone->load = std::max(zone->load, demand.ratio);
+    if (demand.ratio <= 1 && !TakenByChance(first, demand, load, chance_s, contacts)) continue;
+    for (int m = k; m < end; ++m) {
+      Limit& limit = limit_[contacts.zone_members[m]];
+      if (limit.bonded) (demand.slides ? limit.slides : limit.released) = true;
+    }
+    ++released;
+  }
+  return released;
+}
+
 int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
                       std::span<const double> strength_scale, double chance_s, Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
@@ -403,16 +453,9 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
   int released = 0;
   for (Zone& zone : contacts->zones) {
     zone.load = 0;
-    for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      const int p = contacts->zone_members[k];
-      if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
-      const Demand demand = DemandOn(limit_[p], load_n[p]);
-      zone.load = std::max(zone.load, demand.ratio);
-      if (demand.ratio > 1 || TakenByChance(p, demand, load_n[p], chance_s, *contacts)) {
-        (demand.slides ? limit_[p].slides : limit_[p].released) = true;
-        ++released;
-      }
-    }
+    const bool patch = model_.adhesive->patch_size_m && zone.tool < 0 && zone.rigid_body < 0;
+    released += patch ? ReleasePatch(load_n, chance_s, *contacts, &zone)
+                      : ReleaseParticles(load_n, chance_s, *contacts, &zone);
   }
   released += rigid_.Release(
       *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },

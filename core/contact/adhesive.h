@@ -25,6 +25,8 @@ namespace adhesim {
 // in compression never. With `kappa_adh`, sigma A_i is replaced by kappa m_i / dt_ref^2.
 // Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it
 // is pressed closer than it was when it let go.
+// Zones that are cut into patches (patch_size_m) let go as a whole instead: the resultant of what a
+// patch carries on one body's particles against the sum of their strengths (notes 3.3, item 9).
 // With a Bell rate, one in tension also lets go by chance.
 // With friction, a new contact slides (ContactRows) until friction has stopped it, and in
 // compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
@@ -114,6 +116,10 @@ class Adhesive {
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
                  Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
+  int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
+                       Zone* zone);
+  int ReleasePatch(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
+                   Zone* zone);
   bool TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
                      const Contacts& contacts) const;
   std::pair<std::int32_t, std::int32_t> BodiesOf(const Bond& bond) const;  // ascending

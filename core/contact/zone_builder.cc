@@ -1,6 +1,7 @@
 #include "core/contact/zone_builder.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace adhesim {
@@ -13,6 +14,7 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   member_.resize(model.rest_position_m.size());
   colliding_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
+  if (model.adhesive && model.adhesive->patch_size_m) patch_.resize(model.rest_position_m.size());
   for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
 }
@@ -56,6 +58,7 @@ void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   }
   for (int t = 0; t < static_cast<int>(model_.tools.size()); ++t) prescriber_[ToolNode(t)] = t;
   UniteRigidBodies();
+  if (!patch_.empty()) MarkPatches(*contacts);
   UniteBonds(contacts, report);
   UniteMeshEdges();
   old_zone_of_ = contacts->zone_of;
@@ -63,6 +66,27 @@ void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   for (const Zone& zone : contacts->zones) old_id_.push_back(zone.id);
   CollectZones(contacts);
   KeepIds(contacts);
+}
+
+void ZoneBuilder::MarkPatches(const Contacts& contacts) {
+  for (const Bond& bond : contacts.bonds) {
+    if (bond.tool >= 0 || bond.sliding) continue;
+    int heaviest = -1;
+    for (int k = 0; k < 3; ++k) {
+      if (bond.vertices[k] >= 0 && (heaviest < 0 || bond.weights[k] > bond.weights[heaviest]))
+        heaviest = k;
+    }
+    const bool partner = bond.holds_partner && (!bond.holds_particle || bond.partner_weight > 0.5);
+    if (heaviest >= 0) Unite(partner ? bond.partner : bond.particle, bond.vertices[heaviest]);
+  }
+  const double size = *model_.adhesive->patch_size_m;
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    // A root may be a rigid body's node: then it is one patch anyway.
+    const int root = Find(p) < model_.particle_count() ? Find(p) : p;
+    for (int k = 0; k < 3; ++k) {
+      patch_[p][k] = static_cast<std::int32_t>(std::floor(model_.rest_position_m[root](k) / size));
+    }
+  }
 }
 
 void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
@@ -74,9 +98,10 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
       const int anchor = tools                 ? ToolNode(bond.tool)
                          : bond.holds_particle ? bond.particle
                                                : bond.partner;
-      if (bond.holds_particle && bond.holds_partner) Unite(bond.particle, bond.partner);
+      if (bond.holds_particle && bond.holds_partner && InOnePatch(bond.particle, bond.partner))
+        Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
-        if (v < 0) continue;
+        if (v < 0 || (!tools && !InOnePatch(anchor, v))) continue;
         if (Unite(anchor, v)) {
           member_[v] = 1;
         } else {
@@ -117,7 +142,7 @@ void ZoneBuilder::UniteMeshEdges() {
     for (int k = model_.neighbour_start[p]; k < model_.neighbour_start[p + 1]; ++k) {
       const int q = model_.neighbours[k];
       // Neighbours that different tools hold stay apart: that is how a tissue is pulled two ways.
-      if (q > p && member_[q]) Unite(p, q);
+      if (q > p && member_[q] && InOnePatch(p, q)) Unite(p, q);
     }
   }
 }

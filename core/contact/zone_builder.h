@@ -14,6 +14,10 @@ namespace adhesim {
 // so are the split and the shrinking that it lacks; the result does not depend on the order of
 // events (physics notes 3.3, item 3).
 //
+// With a patch size, what is stuck most firmly together (each particle and the heaviest of what it
+// is stuck to) stays together; those groups are joined further only within one cube of that size,
+// at rest.
+//
 // A rigid body is one node, a tool another. Tools that differ, or a tool and a fixed particle,
 // cannot share a zone: the union that would join them is refused and kStepZoneSplitForced says so.
 class ZoneBuilder {
@@ -39,6 +43,11 @@ class ZoneBuilder {
   int ToolNode(int tool) const {
     return model_.particle_count() + static_cast<int>(model_.bodies.size()) + tool;
   }
+  void MarkPatches(const Contacts& contacts);
+  bool InOnePatch(int a, int b) const {
+    return patch_.empty() || patch_[a] == patch_[b] || model_.bodies[model_.body_of[a]].rigid ||
+           model_.bodies[model_.body_of[b]].rigid;
+  }
   void UniteBonds(Contacts* contacts, StepReport* report);
   void UniteRigidBodies();
   void UniteMeshEdges();
@@ -46,11 +55,12 @@ class ZoneBuilder {
   void KeepIds(Contacts* contacts);
 
   const Model& model_;
-  std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
-  std::vector<std::int32_t> prescriber_;    // of a root, likewise
-  std::vector<std::uint8_t> member_;        // [#particles] is in some zone
-  std::vector<std::uint8_t> colliding_;     // [#particles] is part of some bond
-  std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
+  std::vector<std::int32_t> parent_;                // [#particles + #bodies + #tools]
+  std::vector<std::int32_t> prescriber_;            // of a root, likewise
+  std::vector<std::uint8_t> member_;                // [#particles] is in some zone
+  std::vector<std::uint8_t> colliding_;             // [#particles] is part of some bond
+  std::vector<std::int32_t> zone_at_root_;          // likewise as parent_
+  std::vector<std::array<std::int32_t, 3>> patch_;  // [#particles]; empty: zones are not cut
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]
   std::vector<std::int32_t> old_id_;       // [#old zones]

@@ -87,6 +87,7 @@ struct AdhesiveParameters {
   double release_distance_m = 0;  // d_off > d_on
   Strength strength;
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
+  std::optional<double> patch_size_m;  // absent: zones are not cut
   std::optional<BellRelease> bell;
   std::optional<double> friction_coefficient;  // absent: what sticks under pressure never slides
   bool self_collision = false;                 // surfaces stick to themselves too

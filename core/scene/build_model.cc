@@ -224,6 +224,7 @@ AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std:
     built.strength.normal_pa = built.strength.shear_pa = adhesive.normal_strength_pa();
   }
   if (adhesive.has_shear_strength_pa()) built.strength.shear_pa = adhesive.shear_strength_pa();
+  if (adhesive.has_patch_size_m()) built.patch_size_m = adhesive.patch_size_m();
   if (adhesive.has_bell()) {
     built.bell = BellRelease{adhesive.bell().rate_per_s(), adhesive.bell().force_n()};
   }

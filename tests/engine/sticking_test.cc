@@ -184,6 +184,60 @@ effects:
   EXPECT_GT(momentum, 0.1);
 }
 
+// In patches, what lets go is decided by the resultant: a soft ball that hangs on a ceiling falls
+// when m g exceeds the sum of strength times area, to 2 %. (Particle by particle it falls earlier:
+// the zone also carries the ball's own stresses.)
+TEST(Sticking, AHangingBodyFallsWhenItsWeightExceedsStrengthTimesArea) {
+  const auto run = [](double strength_pa, double* area_m2) {
+    auto engine = EngineOf(R"(
+bodies:
+  - {name: ceiling, sheet: {length_m: 4, width_m: 4, columns: 3, rows: 3}, mass_kg: 1, fixed: [all: true]}
+  - {name: ball, icosphere: {radius_m: 0.5, subdivisions: 2}, mass_kg: 1, position_m: [0.1, 0.05, -0.51], velocity_m_s: [0, 0, 0.2]}
+effects:
+  - shape_memory: {stiffness_n_m: 100, damping_n_s_m: 1}
+  - volume_preservation: {}
+  - drag: {rate_per_s: 10}
+  - uniform_gravity: {acceleration_m_s2: [0, 0, -0.5]}
+  - virtual_adhesive: {capture_distance_m: 0.01, patch_size_m: 10, normal_strength_pa: )" +
+                           std::to_string(strength_pa) + "}\n");
+    StepMany(engine.get(), 3000);
+    std::set<int> members;
+    for (const Bond& bond : engine->state().contacts.bonds)
+      bond.ForEachMember([&](int p) { members.insert(p); });
+    *area_m2 = 0;
+    for (int p : members) {
+      if (engine->model().body_of[p] == 1) *area_m2 += engine->model().area_m2[p];
+    }
+    return !members.empty();
+  };
+  double area_m2 = 0, ignored = 0;
+  ASSERT_TRUE(run(1e6, &area_m2));
+  ASSERT_GT(area_m2, 0);
+  const double critical_pa = 1 * 0.5 / area_m2;
+  EXPECT_TRUE(run(1.02 * critical_pa, &ignored));
+  EXPECT_FALSE(run(0.98 * critical_pa, &ignored));
+}
+
+// Patches of half a radius: more zones, and everything that holds for whole zones holds.
+TEST(Sticking, PatchesConserveWhatZonesConserve) {
+  std::string scene = kChurningCells;
+  const std::string distance = "capture_distance_m: 0.012";
+  scene.replace(scene.find(distance), distance.size(), distance + ", patch_size_m: 0.1");
+  auto engine = EngineOf(scene), whole = EngineOf(kChurningCells);
+  std::size_t most = 0, most_whole = 0;
+  for (int step = 0; step < 1500; ++step) {
+    engine->Step({});
+    whole->Step({});
+    most = std::max(most, engine->state().contacts.zones.size());
+    most_whole = std::max(most_whole, whole->state().contacts.zones.size());
+  }
+  EXPECT_GT(most, most_whole);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
+  const MomentumError error = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LE(error.linear, 1e-10);
+  EXPECT_LE(error.angular, 1e-10);
+}
+
 // Rigid balls hang on a ceiling by bonds that break by chance: of N, N exp(-k t) are left after t,
 // with k = k0 exp(m g / F_b), whatever the step.
 TEST(Sticking, BellBondsBreakAtTheirRate) {
