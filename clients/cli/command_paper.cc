@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "clients/cli/commands.h"
@@ -30,6 +31,7 @@ namespace fs = std::filesystem;
 
 constexpr double kQuickShare = 0.2;  // of a figure's duration
 constexpr int kSamples = 200, kQuickSamples = 40;
+constexpr int kRivalSamples = 1200;  // one a millisecond: a touch may last for some
 // Two fit beside each other in the page; a picture takes some 50 kB.
 constexpr int kPictureWidth = 480, kPictureHeight = 360;
 
@@ -42,27 +44,31 @@ struct Arguments {
   bool quick = false;
 };
 
-// The figures asked for, in the paper's order; empty after a message when one of them is none.
-std::vector<const PaperFigure*> Choose(const Arguments& arguments) {
+bool IsChosen(const Arguments& arguments, std::string_view name) {
+  const std::vector<std::string>& chosen = arguments.figures;
+  return chosen.empty() || std::find(chosen.begin(), chosen.end(), name) != chosen.end();
+}
+
+// The figures asked for, in the paper's order; nothing after a message when one of them is none.
+std::optional<std::vector<const PaperFigure*>> Choose(const Arguments& arguments) {
   std::vector<std::string> known;
   for (const PaperFigure& figure : PaperFigures()) known.emplace_back(figure.scene);
+  known.emplace_back(kRivals);
   for (const std::string& name : arguments.figures) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     std::cerr << "error: no figure '" << name << "'" << DidYouMean(name, known)
               << "; there are: " << absl::StrJoin(known, ", ") << "\n";
-    return {};
+    return std::nullopt;
   }
   std::vector<const PaperFigure*> chosen;
   for (const PaperFigure& figure : PaperFigures()) {
-    const bool named = std::find(arguments.figures.begin(), arguments.figures.end(),
-                                 figure.scene) != arguments.figures.end();
-    if (named || arguments.figures.empty()) chosen.push_back(&figure);
+    if (IsChosen(arguments, figure.scene)) chosen.push_back(&figure);
   }
   return chosen;
 }
 
-std::string SceneFileOf(const Arguments& arguments, const PaperFigure& figure) {
-  return (fs::path(arguments.scenes) / absl::StrCat(std::string(figure.scene), ".yaml")).string();
+std::string SceneFileOf(const Arguments& arguments, std::string_view scene) {
+  return (fs::path(arguments.scenes) / absl::StrCat(std::string(scene), ".yaml")).string();
 }
 
 // What scenes/fetch_assets.sh places, and the scene names, and is not here; empty: nothing.
@@ -87,7 +93,7 @@ absl::Status Measure(const Arguments& arguments, Engine* engine, InstantWriter* 
   StudyOptions options;
   options.duration_s = report->duration_s;
   options.samples = arguments.quick ? kQuickSamples : kSamples;
-  if (figure.story == Story::kRolls) options.rolling_body = "ball";
+  (figure.story == Story::kRolls ? options.rolling_body : options.followed_body) = figure.followed;
   options.instants.assign(figure.instants.begin(), figure.instants.end());
   options.at_instant = [&] {
     if (writer != nullptr) writer->Write();
@@ -125,7 +131,7 @@ absl::Status RunFigure(const Arguments& arguments, const std::string& directory,
     report->not_run = "it is large, and this is a quick run";
     return absl::OkStatus();
   }
-  const std::string scene_file = SceneFileOf(arguments, figure);
+  const std::string scene_file = SceneFileOf(arguments, figure.scene);
   report->not_run = MissingAsset(scene_file);
   if (!report->not_run.empty()) return absl::OkStatus();
   const std::optional<LoadedScene> loaded = LoadScene(scene_file);
@@ -147,6 +153,40 @@ absl::Status RunFigure(const Arguments& arguments, const std::string& directory,
   if (taken.ok() || absl::IsCancelled(taken)) return taken;
   // The numbers stand without them.
   *no_pictures = absl::StrCat("none from ", std::string(figure.scene), " on; ", taken.message());
+  return absl::OkStatus();
+}
+
+// Runs a method of contact at one rate. Errors: as RunFigure.
+absl::Status RunRival(const Arguments& arguments, const Rival& rival, int rate_hz,
+                      RivalResult* result) {
+  std::vector<std::string> settings(rival.settings.begin(), rival.settings.end());
+  settings.push_back(absl::StrCat("rate_hz=", rate_hz));
+  const std::string scene_file = SceneFileOf(arguments, rival.scene);
+  const std::optional<LoadedScene> loaded = LoadScene(scene_file, settings);
+  if (!loaded) return absl::InvalidArgumentError(absl::StrCat(scene_file, " cannot be used"));
+  const absl::StatusOr<std::unique_ptr<Engine>> engine =
+      Engine::Create(loaded->model, Engine::Options());
+  if (!engine.ok()) return absl::InvalidArgumentError(engine.status().message());
+  StudyOptions options;
+  options.duration_s = kRivalsDurationS;
+  options.samples = kRivalSamples;
+  options.stop = StopRequested;
+  RivalRun& run = result->runs.emplace_back();
+  run.rate_hz = rate_hz;
+  run.substeps = (*engine)->substeps();
+  run.study = RunPaperStudy(engine->get(), options);
+  return run.study.interrupted ? absl::CancelledError("interrupted") : absl::OkStatus();
+}
+
+absl::Status RunRivals(const Arguments& arguments, PaperReport* report) {
+  for (const Rival& rival : PaperRivals()) {
+    RivalResult& result = report->rivals.emplace_back();
+    result.rival = &rival;
+    for (const int rate_hz : RivalRatesHz()) {
+      if (const absl::Status s = RunRival(arguments, rival, rate_hz, &result); !s.ok()) return s;
+    }
+  }
+  report->rival_claims = JudgeRivals(report->rivals);
   return absl::OkStatus();
 }
 
@@ -187,8 +227,8 @@ ExitCode Fail(const absl::Status& status) {
 }
 
 ExitCode Paper(const Arguments& arguments) {
-  const std::vector<const PaperFigure*> figures = Choose(arguments);
-  if (figures.empty()) return kExitBadInput;
+  const std::optional<std::vector<const PaperFigure*>> figures = Choose(arguments);
+  if (!figures) return kExitBadInput;
   std::error_code ignored;
   if (!fs::is_directory(arguments.scenes, ignored)) {
     return Fail(absl::InvalidArgumentError(
@@ -208,13 +248,19 @@ ExitCode Paper(const Arguments& arguments) {
   }
   const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
   if (!directory.ok()) return Fail(directory.status());
-  for (const PaperFigure* figure : figures) {
+  for (const PaperFigure* figure : *figures) {
     std::cerr << figure->scene << " ..." << std::endl;
     FigureReport& one = report.figures.emplace_back();
     one.figure = figure;
     const absl::Status status =
         RunFigure(arguments, (*directory)->path(), &one, &report.no_pictures);
     if (!status.ok()) return Fail(status);
+  }
+  if (IsChosen(arguments, kRivals)) {
+    std::cerr << kRivals << " ..." << std::endl;
+    if (const absl::Status status = RunRivals(arguments, &report); !status.ok()) {
+      return Fail(status);
+    }
   }
   if (const absl::Status written = Write(arguments, report); !written.ok()) return Fail(written);
   return AnyFails(report) ? kExitCheckFailed : kExitOk;
@@ -228,7 +274,9 @@ void AddPaperCommand(CLI::App& app, int* exit_code) {
       "Runs the paper's experiments and judges its claims by numbers; ends with 1 when "
       "one does not hold");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("FIGURE", arguments->figures, "Scenes of the figures to run (default: all)");
+  command->add_option(
+      "FIGURE", arguments->figures,
+      "Scenes of the figures to run, or `rivals`, the comparison of methods (default: all)");
   command->add_option("--html", arguments->html, "Writes the report, one page that stands alone")
       ->type_name("FILE");
   command->add_option("--json", arguments->json, "Writes the numbers; - is the standard output")

@@ -1,8 +1,12 @@
 #include "clients/cli/paper_plots.h"
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
 #include <cmath>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
 namespace adhesim {
@@ -78,10 +82,64 @@ Plot EnergyPlot(const PaperStudy& study) {
                               [](const StudySample& s) { return std::optional(s.captured_j); }));
   plot.series.push_back(Curve("lost to drag and damping", study,
                               [](const StudySample& s) { return std::optional(s.viscous_j); }));
+  // Only scenes with sliding contacts have it.
+  if (study.samples.back().slid_j > 0) {
+    plot.series.push_back(Curve("lost to sliding", study,
+                                [](const StudySample& s) { return std::optional(s.slid_j); }));
+  }
   return plot;
 }
 
+// A curve of each method, of its lowest or highest rate; `value` has the sample and E_ref.
+template <typename Value>
+Plot RivalPlot(Plot plot, const std::vector<RivalResult>& results, bool highest_rate,
+               const Value& value) {
+  for (const RivalResult& result : results) {
+    if (result.runs.empty()) continue;
+    const RivalRun& run = highest_rate ? result.runs.back() : result.runs.front();
+    plot.series.push_back(
+        Curve(std::string(result.rival->name), run.study,
+              [&](const StudySample& sample) { return value(sample, run.study.reference_j); }));
+    // The one that the others are compared with stands out.
+    plot.series.back().dashed = result.rival != results.front().rival;
+  }
+  return plot;
+}
+
+std::string AtRate(std::string_view title, int rate_hz) {
+  return absl::StrFormat("%s, %d Hz", title, rate_hz);
+}
+
 }  // namespace
+
+std::vector<Plot> RivalPlots(const std::vector<RivalResult>& results) {
+  const int low_hz = RivalRatesHz().front(), high_hz = RivalRatesHz().back();
+  const auto whole = [](const StudySample& s, double reference_j) -> std::optional<double> {
+    if (!(reference_j > 0)) return std::nullopt;
+    return 100 * (s.energy_j - s.permitted_j) / reference_j;
+  };
+  const auto bodies = [](const StudySample& s, double reference_j) -> std::optional<double> {
+    if (!(reference_j > 0)) return std::nullopt;
+    return 100 * (s.bodies_energy_j.value_or(s.energy_j) - s.permitted_j) / reference_j;
+  };
+  const auto depth = [](const StudySample& s, double) -> std::optional<double> {
+    return s.max_depth_m ? std::optional(1e3 * *s.max_depth_m) : std::nullopt;
+  };
+  const auto apart = [](const StudySample& s, double) { return s.separation_m; };
+  const auto energy = [](std::string title, int rate_hz) {
+    Plot plot = OverTime(AtRate(title, rate_hz), "% of E_ref", false);
+    plot.lines.push_back({"what was put in", 0});
+    return plot;
+  };
+  return {
+      RivalPlot(energy("Energy less what was put in", low_hz), results, false, whole),
+      RivalPlot(energy("Energy less what was put in", high_hz), results, true, whole),
+      RivalPlot(energy("The same of the bodies alone", low_hz), results, false, bodies),
+      RivalPlot(OverTime(AtRate("Deepest overlap", low_hz), "mm"), results, false, depth),
+      RivalPlot(OverTime(AtRate("Distance of the cells' centres", low_hz), "m", false), results,
+                false, apart),
+  };
+}
 
 std::vector<Plot> FigurePlots(const FigureReport& report) {
   const PaperStudy& study = report.study;
@@ -89,7 +147,17 @@ std::vector<Plot> FigurePlots(const FigureReport& report) {
                              EnergyPlot(study)};
   switch (report.figure->story) {
     case Story::kNone:
+    case Story::kHoldsAll:
+    case Story::kOneZone:
       break;
+    case Story::kPulls:
+    case Story::kHangs: {
+      Plot plot = OverTime(absl::StrCat("Way of ", std::string(report.figure->followed)), "m");
+      plot.series.push_back(Curve("distance from where it started", study,
+                                  [](const StudySample& s) { return s.moved_m; }));
+      plots.push_back(std::move(plot));
+      break;
+    }
     case Story::kEndsTogether:
     case Story::kEndsApart: {
       Plot plot = OverTime("Distance between the bodies' centres", "m");

@@ -11,6 +11,10 @@ namespace adhesim {
 // are not finite are left out (a run that failed says so elsewhere).
 std::vector<Plot> FigurePlots(const FigureReport& report);
 
+// The methods of contact drawn over each other: energy above what was put in at the lowest and at
+// the highest rate, that of the bodies alone, depth, and distance of the centres.
+std::vector<Plot> RivalPlots(const std::vector<RivalResult>& results);
+
 // Time of a step against the number of particles, over all figures that ran.
 Plot CostPlot(const PaperReport& report);
 

@@ -66,12 +66,19 @@ Json SampleJson(const StudySample& sample, int particles) {
                {"contact_added_j", sample.contact_added_j},
                {"captured_j", sample.captured_j},
                {"viscous_j", sample.viscous_j},
+               {"slid_j", sample.slid_j},
+               {"pushed_j", sample.pushed_j},
                {"radius_m", sample.radius_m}};
   if (sample.separation_m) json["separation_m"] = *sample.separation_m;
   if (sample.revolutions) {
     json["revolutions"] = *sample.revolutions;
     json["travel_m"] = *sample.travel_m;
     json["slip_m"] = *sample.slip_m;
+  }
+  if (sample.bodies_energy_j) json["bodies_energy_j"] = *sample.bodies_energy_j;
+  if (sample.moved_m) {
+    json["moved_m"] = *sample.moved_m;
+    json["speed_m_s"] = *sample.speed_m_s;
   }
   if (sample.mean_gap_m) json["mean_gap_m"] = *sample.mean_gap_m;
   if (sample.volume_error) json["volume_error"] = *sample.volume_error;
@@ -123,6 +130,26 @@ Json FigureJson(const FigureReport& report) {
   return json;
 }
 
+Json RivalJson(const RivalResult& result) {
+  const Rival& rival = *result.rival;
+  Json json = {{"id", rival.id}, {"scene", rival.scene}, {"method", rival.name}};
+  json["settings"] = Json::array();
+  for (const std::string_view setting : rival.settings) json["settings"].push_back(setting);
+  json["runs"] = Json::array();
+  for (const RivalRun& run : result.runs) {
+    json["runs"].push_back({{"rate_hz", run.rate_hz},
+                            {"substeps", run.substeps},
+                            {"finite", run.study.finite},
+                            {"whole_excess", EnergyExcess(run.study)},
+                            {"bodies_excess", BodiesExcess(run.study)},
+                            {"max_depth_m", GreatestDepth(run.study)},
+                            {"parted_to_m", PartedTo(run.study)},
+                            {"identity_error", run.study.identity_error},
+                            {"cpu_ms_per_step", run.study.cpu_ms_median}});
+  }
+  return json;
+}
+
 }  // namespace
 
 std::vector<ClaimSummary> Summarise(const PaperReport& report) {
@@ -142,14 +169,22 @@ std::vector<ClaimSummary> Summarise(const PaperReport& report) {
       at->held += claim.verdict == Verdict::kHolds;
     }
   }
+  // Each is made once.
+  for (const Claim& claim : report.rival_claims) {
+    summaries.push_back(
+        {claim, kRivals, claim.verdict != Verdict::kNotJudged, claim.verdict == Verdict::kHolds});
+  }
   return summaries;
 }
 
 bool AnyFails(const PaperReport& report) {
-  return std::any_of(report.figures.begin(), report.figures.end(), [](const FigureReport& figure) {
-    return std::any_of(figure.claims.begin(), figure.claims.end(),
+  const auto any_fails = [](const std::vector<Claim>& claims) {
+    return std::any_of(claims.begin(), claims.end(),
                        [](const Claim& claim) { return claim.verdict == Verdict::kFails; });
-  });
+  };
+  return any_fails(report.rival_claims) ||
+         std::any_of(report.figures.begin(), report.figures.end(),
+                     [&](const FigureReport& figure) { return any_fails(figure.claims); });
 }
 
 const char* VerdictText(Verdict verdict) {
@@ -189,6 +224,10 @@ Json PaperJson(const PaperReport& report) {
     claim["judged"] = summary.judged;
     claim["held"] = summary.held;
     json["claims"].push_back(std::move(claim));
+  }
+  if (!report.rivals.empty()) {
+    json["compared"] = Json::array();
+    for (const RivalResult& rival : report.rivals) json["compared"].push_back(RivalJson(rival));
   }
   json["figures"] = Json::array();
   for (const FigureReport& figure : report.figures) json["figures"].push_back(FigureJson(figure));

@@ -9,6 +9,7 @@
 #include "clients/cli/take_pictures.h"
 #include "core/study/paper_claims.h"
 #include "core/study/paper_figures.h"
+#include "core/study/paper_rivals.h"
 #include "core/study/paper_study.h"
 
 namespace adhesim {
@@ -29,16 +30,21 @@ struct PaperReport {
   AboutMachine machine;
   std::string no_pictures;  // why there are none; empty: there are
   std::vector<FigureReport> figures;
+  std::vector<RivalResult> rivals;  // empty: they were not asked for
+  std::vector<Claim> rival_claims;
 };
 
 // One claim over every figure that makes it.
 struct ClaimSummary {
   Claim worst;        // failing before not judged before holding; then the nearest to its limit
-  std::string scene;  // of the worst
+  std::string scene;  // of the worst; the id of a section of the page
   int judged = 0, held = 0;
 };
 
-// In the order in which figures first make them.
+// The section of the page that compares methods, and what asks for it on the command line.
+inline constexpr char kRivals[] = "rivals";
+
+// In the order in which figures first make them; then those of the comparison.
 std::vector<ClaimSummary> Summarise(const PaperReport& report);
 
 bool AnyFails(const PaperReport& report);
@@ -46,7 +52,8 @@ const char* VerdictText(Verdict verdict);
 // Counts in full, other numbers with three digits.
 std::string ShortNumber(double value);
 
-// {"claims": [...], "figures": [...], "machine": {...}}; what a figure does not have is left out.
+// {"claims": [...], "compared": [...], "figures": [...], "machine": {...}}; what a figure does not
+// have is left out.
 Json PaperJson(const PaperReport& report);
 
 // The claims for people, one a line.

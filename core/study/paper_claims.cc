@@ -5,6 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
 
 namespace adhesim {
 namespace {
@@ -20,7 +23,23 @@ constexpr double kRadiusShare = 0.75;   // an aggregate's radius at the end, of 
 constexpr double kPlateauShare = 0.02;  // of the fall, still to come in the last quarter
 constexpr double kHalfContactS = 2;     // simulated time in which half of it is there
 constexpr double kSlipShare = 0.05;
+constexpr double kPulledM = 0.06;        // a twentieth of the muscle's length
+constexpr double kReturnedShare = 0.1;   // of the way that it was pulled
+constexpr double kRestSpeedMS = 0.01;    // some thousandths of what falling for as long would give
 constexpr double kLimitRoundOff = 1e-9;  // 12 mm of 0.6 m is 2 %
+
+bool Holds(double value, Relation relation, double limit) {
+  const double slack = kLimitRoundOff * std::abs(limit);
+  switch (relation) {
+    case Relation::kAtMost:
+      return value <= limit + slack;
+    case Relation::kAtLeast:
+      return value >= limit - slack;
+    case Relation::kIs:
+      return std::abs(value - limit) <= slack;
+  }
+  return false;
+}
 
 class Judge {
  public:
@@ -28,8 +47,8 @@ class Judge {
 
   void Add(std::string id, std::string subject, std::string unit, double value, Relation relation,
            double limit) {
-    claims_.push_back({std::move(id), std::move(subject), std::move(unit), value, relation, limit,
-                       Holds(value, relation, limit) ? Verdict::kHolds : Verdict::kFails});
+    claims_.push_back(
+        Judged(std::move(id), std::move(subject), std::move(unit), value, relation, limit));
   }
 
   // A claim about the end of the story.
@@ -43,20 +62,6 @@ class Judge {
   std::vector<Claim> Take() { return std::move(claims_); }
 
  private:
-  // Not a number never holds.
-  static bool Holds(double value, Relation relation, double limit) {
-    const double slack = kLimitRoundOff * std::abs(limit);
-    switch (relation) {
-      case Relation::kAtMost:
-        return value <= limit + slack;
-      case Relation::kAtLeast:
-        return value >= limit - slack;
-      case Relation::kIs:
-        return std::abs(value - limit) <= slack;
-    }
-    return false;
-  }
-
   const PaperStudy& study_;
   const bool whole_;
   std::vector<Claim> claims_;
@@ -90,18 +95,16 @@ void JudgeConservation(Judge* judge) {
   const auto share = [&](double energy_j) {
     return study.reference_j > 0 ? energy_j / study.reference_j : 0;
   };
-  double excess = 0;
   double volume = 0;
   bool has_volume = false;
   for (const StudySample& sample : study.samples) {
-    excess = std::max(excess, share(sample.energy_j - sample.permitted_j));
     volume = std::max(volume, sample.volume_error.value_or(0));
     has_volume |= sample.volume_error.has_value();
   }
   judge->Add("contact_energy", "energy that contact added, of E_ref", "",
              share(study.samples.back().contact_added_j), Relation::kAtMost, kContactShare);
-  judge->Add("whole_energy", "energy above the initial and the work done, of E_ref", "", excess,
-             Relation::kAtMost, kWholeShare);
+  judge->Add("whole_energy", "energy above the initial and the work done, of E_ref", "",
+             EnergyExcess(study), Relation::kAtMost, kWholeShare);
   judge->Add("ledger", "imbalance of the energy ledger, of E_ref", "", study.identity_error,
              Relation::kAtMost, kIdentity);
   judge->Add("momentum", "imbalance of linear or angular momentum", "",
@@ -173,6 +176,36 @@ void JudgeRolling(Judge* judge) {
                  kSlipShare);
 }
 
+void JudgeHoldsAll(Judge* judge) {
+  judge->AddLast(
+      "holds_all", "bodies that hold on to each other at the end, of all", "",
+      static_cast<double>(judge->study().samples.back().group_bodies) / judge->study().bodies,
+      Relation::kIs, 1);
+}
+
+void JudgePulling(Judge* judge) {
+  const std::vector<StudySample>& samples = judge->study().samples;
+  double furthest_m = 0;
+  for (const StudySample& sample : samples) {
+    furthest_m = std::max(furthest_m, sample.moved_m.value_or(0));
+  }
+  judge->AddLast("pulled", "way that the followed body is pulled", "m", furthest_m,
+                 Relation::kAtLeast, kPulledM);
+  const double left_m = samples.back().moved_m.value_or(furthest_m);
+  judge->AddLast("returned", "what is left of that way at the end, over the way", "",
+                 furthest_m > 0 ? left_m / furthest_m : 1, Relation::kAtMost, kReturnedShare);
+  JudgeHoldsAll(judge);
+}
+
+void JudgeHanging(Judge* judge) {
+  // A scene without the body has nothing that hangs.
+  const std::optional<double> speed_m_s = judge->study().samples.back().speed_m_s;
+  judge->AddLast("hangs", "speed at the end of the body that hangs", "m/s",
+                 speed_m_s.value_or(std::numeric_limits<double>::infinity()), Relation::kAtMost,
+                 kRestSpeedMS);
+  JudgeHoldsAll(judge);
+}
+
 void JudgeStory(const PaperFigure& figure, Judge* judge) {
   const PaperStudy& study = judge->study();
   switch (figure.story) {
@@ -194,10 +227,35 @@ void JudgeStory(const PaperFigure& figure, Judge* judge) {
     case Story::kRolls:
       JudgeRolling(judge);
       return;
+    case Story::kHoldsAll:
+      JudgeHoldsAll(judge);
+      return;
+    case Story::kOneZone:
+      judge->AddLast("one_zone", "bodies in the largest zone at the end, of all", "",
+                     static_cast<double>(study.samples.back().zone_bodies) / study.bodies,
+                     Relation::kIs, 1);
+      return;
+    case Story::kPulls:
+      JudgePulling(judge);
+      return;
+    case Story::kHangs:
+      JudgeHanging(judge);
+      return;
   }
 }
 
 }  // namespace
+
+Claim Judged(std::string id, std::string subject, std::string unit, double value, Relation relation,
+             double limit) {
+  return {std::move(id),
+          std::move(subject),
+          std::move(unit),
+          value,
+          relation,
+          limit,
+          Holds(value, relation, limit) ? Verdict::kHolds : Verdict::kFails};
+}
 
 std::vector<Claim> JudgeFigure(const PaperFigure& figure, const PaperStudy& study, bool whole) {
   Judge judge(study, whole);

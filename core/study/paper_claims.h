@@ -27,6 +27,10 @@ struct Claim {
   Verdict verdict = Verdict::kNotJudged;
 };
 
+// A claim with its verdict. Not a number never holds.
+Claim Judged(std::string id, std::string subject, std::string unit, double value, Relation relation,
+             double limit);
+
 // What a figure claims, judged by a run. `whole`: the run had the figure's full length; otherwise
 // what only its end can show is not judged. A run that became non-finite fails its first claim.
 std::vector<Claim> JudgeFigure(const PaperFigure& figure, const PaperStudy& study, bool whole);

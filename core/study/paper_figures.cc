@@ -11,7 +11,10 @@ constexpr std::array<double, 4> kFig3 = {0, 0.1, 1.0 / 6, 1.0 / 3};
 // t = 0, 40, 80, 120 and 160 s
 constexpr std::array<double, 5> kFig4 = {0, 0.25, 0.5, 0.75, 1};
 constexpr std::array<double, 4> kFig6 = {0, 0.25, 0.5, 1};  // t = 0, 100, 200 and 400 s
+// Its schedule: tensed from 0.2 to 0.7 s, held until 2 s, let go until 2.5 s.
+constexpr std::array<double, 4> kMuscle = {0.05, 0.175, 0.5, 1};
 
+constexpr std::string_view kText = "The paper's text";
 constexpr std::string_view kEven = "the paper gives no times; evenly spread here";
 constexpr std::string_view kFig3Note =
     "the paper gives no times; chosen where the pair meets, slides, and parts or holds";
@@ -80,6 +83,23 @@ constexpr PaperFigure kFigures[] = {
         .paper_ms = 33,
         .budget_ms = 0.07,
         .story = Story::kRolls,
+        .followed = "ball",
+    },
+    {
+        .scene = "four_bunnies",
+        .figure = "Fig. 5",
+        .title = "Four sticky bunnies collide",
+        .paper_says = "All sticky contacts are resolved; the method is not limited to spheres. The "
+                      "paper's counts leave room for four equal bunnies only with an open sheet, "
+                      "on which they land here.",
+        .duration_s = 4,
+        .instants = kFourEven,
+        .instants_note = kEven,
+        .particles = 567,
+        .triangles = 1040,
+        .paper_ms = 576,
+        .budget_ms = 0.2,
+        .story = Story::kHoldsAll,
     },
     {
         .scene = "cell_aggregation",
@@ -95,6 +115,54 @@ constexpr PaperFigure kFigures[] = {
         .paper_ms = 777,
         .budget_ms = 0.40,
         .story = Story::kAggregates,
+    },
+    {
+        .scene = "muscle_between_bones",
+        .figure = kText,
+        .title = "A muscle between two bones",
+        .paper_says = "Elastic or contractile objects can be linked to rigid ones, such as a "
+                      "muscle to bones (section 3.3, Alg. 2): it pulls the free bone, and holds "
+                      "on to both.",
+        .duration_s = 4,
+        .instants = kMuscle,
+        .instants_note = "slack, tensed, just before it is let go, and slack again",
+        .particles = std::nullopt,
+        .triangles = std::nullopt,
+        .paper_ms = std::nullopt,
+        .budget_ms = std::nullopt,
+        .story = Story::kPulls,
+        .followed = "free_bone",
+    },
+    {
+        .scene = "rigid_on_elastic",
+        .figure = kText,
+        .title = "A rigid ball hangs from an elastic sheet",
+        .paper_says = "A rigid object can be linked to an elastic one (section 3.3): the sheet "
+                      "carries what hangs from it.",
+        .duration_s = 6,
+        .instants = kFourEven,
+        .instants_note = kEven,
+        .particles = std::nullopt,
+        .triangles = std::nullopt,
+        .paper_ms = std::nullopt,
+        .budget_ms = std::nullopt,
+        .story = Story::kHangs,
+        .followed = "ball",
+    },
+    {
+        .scene = "zone_of_three",
+        .figure = kText,
+        .title = "Three balls in one virtual adhesive",
+        .paper_says = "Virtual adhesives that grow until they touch become one (section 4.2.2), "
+                      "whatever the number of bodies.",
+        .duration_s = 2,
+        .instants = kFourEven,
+        .instants_note = kEven,
+        .particles = std::nullopt,
+        .triangles = std::nullopt,
+        .paper_ms = std::nullopt,
+        .budget_ms = std::nullopt,
+        .story = Story::kOneZone,
     },
     {
         .scene = "cell_aggregation_x10",

@@ -12,7 +12,11 @@ enum class Story {
   kEndsTogether,  // bodies that met still touch at the end
   kEndsApart,     // bodies that met have parted at the end
   kAggregates,    // more and more particles in contact, the whole ever denser
-  kRolls,         // the body named `ball` rolls
+  kRolls,         // the followed body rolls
+  kHoldsAll,      // every body holds on to the others at the end
+  kOneZone,       // one zone holds every body at the end
+  kPulls,         // the followed body is pulled by the others, which hold it, and let go again
+  kHangs,         // the followed body hangs from the others, at rest at the end
 };
 
 // One experiment of the paper (Carra, Martiel, Promayon, VRIPHYS 2007, section 5), or one of what
@@ -31,6 +35,8 @@ struct PaperFigure {
   bool paper_ms_is_bound = false;
   std::optional<double> budget_ms;  // the project's own bound on the median of a step's CPU time
   Story story = Story::kNone;
+  std::string_view followed =
+      "";              // name of the body that the story is about; empty: of no single one
   bool large = false;  // left out of quick runs
 };
 

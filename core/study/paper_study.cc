@@ -8,7 +8,9 @@
 
 #include "core/contact/penetration.h"
 #include "core/model/diagnostics.h"
+#include "core/study/bodies_energy.h"
 #include "core/study/rolling.h"
+#include "core/study/timing.h"
 
 namespace adhesim {
 namespace {
@@ -17,36 +19,19 @@ namespace {
 // more of them: winding numbers of 100 000 particles take longer than the steps between samples.
 constexpr int kParticlesMeasuredEachTime = 2000;
 
-double ThreadCpuMs() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
-
-// A value that occurred, by nearest rank; 0 of nothing.
-double Percentile(std::vector<double> values, double fraction) {
-  if (values.empty()) return 0;
-  const auto rank =
-      static_cast<std::size_t>(std::ceil(fraction * static_cast<double>(values.size())));
-  const auto at = values.begin() +
-                  static_cast<std::ptrdiff_t>(std::clamp<std::size_t>(rank, 1, values.size())) - 1;
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
-
-// Centre of mass of particles [first, first + count).
-Vec3 CentreOf(const Model& model, const State& state, int first, int count) {
+// Mean by mass of the values of particles [first, first + count).
+Vec3 MeanByMass(const Model& model, std::span<const Vec3> values, int first, int count) {
   Vec3 sum = Vec3::Zero();
   double mass = 0;
   for (int p = first; p < first + count; ++p) {
-    sum += model.mass_kg[p] * state.position_m[p];
+    sum += model.mass_kg[p] * values[p];
     mass += model.mass_kg[p];
   }
   return sum / mass;
 }
 
 double RadiusOfGyration(const Model& model, const State& state) {
-  const Vec3 centre = CentreOf(model, state, 0, model.particle_count());
+  const Vec3 centre = MeanByMass(model, state.position_m, 0, model.particle_count());
   double sum = 0, mass = 0;
   for (int p = 0; p < model.particle_count(); ++p) {
     sum += model.mass_kg[p] * (state.position_m[p] - centre).squaredNorm();
@@ -110,12 +95,28 @@ bool MayOverlap(const Model& model) {
   return model.bodies.size() > 1 && std::any_of(model.bodies.begin(), model.bodies.end(), closed);
 }
 
+// Bodies of the zone that holds the most.
+int LargestZone(const State& state) {
+  int most = 0;
+  for (const Zone& zone : state.contacts.zones) most = std::max(most, zone.bodies);
+  return most;
+}
+
 // What contact gained from one step to the next where it may only lose.
 double Gain(const Ledger& before, const Ledger& after) {
   return std::max(0.0, before.captured_j - after.captured_j) +
          std::max(0.0, after.sliding_j - before.sliding_j) +
-         std::max(0.0, after.rotation_j - before.rotation_j) +
-         std::max(0.0, after.correction_j - before.correction_j);
+         std::max(0.0, after.rotation_j - before.rotation_j);
+}
+
+// Most of an energy above what was put in, over E_ref.
+template <typename Energy>
+double MostAbove(const PaperStudy& study, const Energy& energy_j) {
+  double most_j = 0;
+  for (const StudySample& sample : study.samples) {
+    most_j = std::max(most_j, energy_j(sample) - sample.permitted_j);
+  }
+  return study.reference_j > 0 ? most_j / study.reference_j : 0;
 }
 
 class Study {
@@ -133,7 +134,14 @@ class Study {
       if (body.closed && body.name == options.rolling_body) {
         rolling_.emplace(model_, body, engine->state());
       }
+      if (!body.name.empty() && body.name == options.followed_body) {
+        followed_ = &body;
+        followed_start_m_ = Centre(body);
+      }
     }
+    // The engine has made each of these effects before.
+    absl::StatusOr<BodiesEnergy> bodies = BodiesEnergy::Create(model_);
+    if (bodies.ok() && bodies->contact_by_effects()) bodies_energy_ = *std::move(bodies);
   }
 
   PaperStudy Run() {
@@ -185,18 +193,22 @@ class Study {
     sample.zones = static_cast<int>(state.contacts.zones.size());
     sample.energy_j = engine_.MechanicalEnergy();
     // The ledger is opened by the first step.
-    sample.permitted_j = state.step == 0
-                             ? sample.energy_j
-                             : ledger.initial_j + ledger.external_work_j + ledger.tool_work_j;
+    sample.permitted_j = state.step == 0 ? sample.energy_j
+                                         : ledger.initial_j + ledger.external_work_j +
+                                               ledger.tool_work_j + ledger.correction_j;
     sample.contact_added_j = contact_added_j_;
     sample.captured_j = ledger.captured_j;
     sample.viscous_j = ledger.viscous_j;
+    sample.slid_j = -ledger.sliding_j;
+    sample.pushed_j = ledger.correction_j;
+    if (bodies_energy_) sample.bodies_energy_j = bodies_energy_->Of(state);
     sample.radius_m = RadiusOfGyration(model_, state);
     if (model_.bodies.size() > 1) {
-      const auto centre = [&](const Body& body) {
-        return CentreOf(model_, state, body.first_particle, body.particle_count);
-      };
-      sample.separation_m = (centre(model_.bodies[0]) - centre(model_.bodies[1])).norm();
+      sample.separation_m = (Centre(model_.bodies[0]) - Centre(model_.bodies[1])).norm();
+    }
+    if (followed_ != nullptr) {
+      sample.moved_m = (Centre(*followed_) - followed_start_m_).norm();
+      sample.speed_m_s = Mean(state.velocity_m_s, *followed_).norm();
     }
     if (rolling_) {
       rolling_->Sample(state);
@@ -206,6 +218,7 @@ class Study {
       sample.slip_m = rolling_->slip_m();
     }
     sample.group_bodies = LargestGroup(model_, state);
+    sample.zone_bodies = LargestZone(state);
     sample.mean_gap_m = MeanGap(model_, state);
     sample.volume_error = VolumeError(model_, state);
     const int sparsely = 1 + model_.particle_count() / kParticlesMeasuredEachTime;
@@ -219,6 +232,12 @@ class Study {
     imbalance_.angular = std::max(imbalance_.angular, error.angular * state.momentum.scale_angular);
     result_.samples.push_back(sample);
   }
+
+  // Of a body's particles, by mass.
+  Vec3 Mean(std::span<const Vec3> values, const Body& body) const {
+    return MeanByMass(model_, values, body.first_particle, body.particle_count);
+  }
+  Vec3 Centre(const Body& body) const { return Mean(engine_.state().position_m, body); }
 
   // Instants that are at this step or before it.
   void PassInstants(std::int64_t step, std::int64_t steps) {
@@ -252,6 +271,9 @@ class Study {
   PaperStudy result_;
   bool may_overlap_ = false;
   std::optional<RollingMeter> rolling_;
+  std::optional<BodiesEnergy> bodies_energy_;
+  const Body* followed_ = nullptr;
+  Vec3 followed_start_m_ = Vec3::Zero();
   std::vector<double> recent_ms_, second_half_ms_;
   double second_half_colliding_ = 0;
   double contact_added_j_ = 0;
@@ -263,6 +285,16 @@ class Study {
 
 PaperStudy RunPaperStudy(Engine* engine, const StudyOptions& options) {
   return Study(engine, options).Run();
+}
+
+double EnergyExcess(const PaperStudy& study) {
+  return MostAbove(study, [](const StudySample& sample) { return sample.energy_j; });
+}
+
+double BodiesExcess(const PaperStudy& study) {
+  return MostAbove(study, [](const StudySample& sample) {
+    return sample.bodies_energy_j.value_or(sample.energy_j);
+  });
 }
 
 }  // namespace adhesim

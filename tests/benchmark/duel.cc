@@ -5,27 +5,13 @@
 #include <algorithm>
 
 #include "core/engine/engine.h"
+#include "core/study/timing.h"
 #include "tests/benchmark/bullet_soft_world.h"
 
 namespace adhesim::bench {
 namespace {
 
 constexpr int kChunkSteps = 20;
-
-double ThreadCpuMs() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
-
-// A value that occurred: the nearest rank.
-double Percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0;
-  const auto rank = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank),
-                   values.end());
-  return values[rank];
-}
 
 double Median(std::vector<double> values) { return Percentile(std::move(values), 0.5); }
 

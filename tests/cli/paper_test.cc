@@ -92,6 +92,34 @@ TEST_F(Paper, WritesAPageThatStandsAlone) {
   EXPECT_THAT(Read("out"), HasSubstr("holds "));
 }
 
+TEST_F(Paper, ComparesMethodsOfContact) {
+  ASSERT_EQ(Run("rivals --no-pictures --html " + File("paper.html") + " --json " + File("json") +
+                scenes_),
+            0)
+      << Read("err");
+  const Json report = Json::parse(Read("json"));
+  EXPECT_TRUE(report["figures"].empty());
+  ASSERT_EQ(report["compared"].size(), 5u);
+  for (const Json& method : report["compared"]) {
+    ASSERT_EQ(method["runs"].size(), 3u);
+    for (const Json& run : method["runs"]) {
+      EXPECT_EQ(run["finite"], true);
+      EXPECT_LE(run["identity_error"], 1e-9);  // the project's bound: what is added is booked
+    }
+  }
+  // Penalty forces alone cannot hold: its cells part further than any that stick.
+  const auto parted_m = [&](int method) -> double {
+    return report["compared"][method]["runs"][2]["parted_to_m"];
+  };
+  EXPECT_EQ(report["compared"][1]["id"], "penalty");
+  for (const int sticky : {0, 2, 3, 4}) EXPECT_LT(parted_m(sticky), parted_m(1) - 0.1) << sticky;
+  const std::string page = Read("paper.html");
+  for (const char* part : {"Compared with other methods", "virtual adhesive", "16000 Hz",
+                           "attraction impulses", "id=\"rivals\""}) {
+    EXPECT_THAT(page, HasSubstr(part));
+  }
+}
+
 TEST_F(Paper, ShowsWhatDoesNotHoldAndEndsWithOne) {
   // A scene whose bodies have fewer particles than the paper's.
   std::ofstream(File("two_cells_sticky.yaml"))

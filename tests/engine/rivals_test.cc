@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <memory>
 #include <string>
 
 #include "core/contact/penetration.h"
-#include "core/effects/registry.h"
 #include "core/model/diagnostics.h"
+#include "core/scene/scene_file.h"
+#include "core/study/paper_rivals.h"
+#include "core/study/paper_study.h"
 #include "tests/support/count_allocations.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/test_size.h"
@@ -13,34 +15,20 @@
 namespace adhesim::test {
 namespace {
 
-// Two cells that fall into a common well, meet off their axis, and are driven together and apart by
-// it: nothing but the contact can take energy or bring it. Each method holds a particle with 21.6 N
-// at most (200 Pa on its 0.1 m^2), within 12 mm, with contact as stiff as 1800 N/m.
-constexpr const char* kCells = R"(
-bodies:
-  - {name: upper, icosphere: {radius_m: 0.6}, position_m: [ 0.35, 0,  0.7], mass_kg: 1}
-  - {name: lower, icosphere: {radius_m: 0.6}, position_m: [-0.35, 0, -0.7], mass_kg: 1}
-effects:
-  - shape_memory: {stiffness_n_m: 60}
-  - volume_preservation: {}
-  - attraction: {point_m: [0, 0, 0], acceleration_m_s2: 3, core_radius_m: 0.3}
-)";
-constexpr const char* kAdhesive =
-    "  - virtual_adhesive: {capture_distance_m: 0.012, normal_strength_pa: 200}\n";
-constexpr const char* kPenalty = "  - penalty: {thickness_m: 0.012, stiffness_n_m: 1800}\n";
-// 900 N/m * 24 mm.
-constexpr const char* kLinks =
-    "  - penalty: {thickness_m: 0.012, stiffness_n_m: 1800}\n"
-    "  - elastic_links: {capture_distance_m: 0.012, stiffness_n_m: 900, max_length_m: 0.024}\n";
-// 1800 N/m * (24 mm - 12 mm).
-constexpr const char* kLinksMadeAtRest =
-    "  - penalty: {thickness_m: 0.012, stiffness_n_m: 1800}\n"
-    "  - elastic_links: {capture_distance_m: 0.012, stiffness_n_m: 1800, rest_length_m: 0.012, "
-    "max_length_m: 0.024}\n";
-// 7200 N/m * 12 mm / 4.
-constexpr const char* kImpulses =
-    "  - attraction_impulses: {stick_distance_m: 0.012, stick_stiffness_n_m: 7200, "
-    "contact_stiffness_n_m: 7200}\n";
+// The well scene with one of the methods: two cells fall into a common well, and nothing but the
+// contact can take energy or bring it. What is matched, and how, stands in the files.
+SceneFile SceneOf(const std::string& method) {
+  return ReadSceneFile(ADHESIM_SOURCE_DIR "/scenes/paper/rivals/" + method + ".yaml");
+}
+
+// Links that have no force when they are made: 1800 N/m * (24 mm - 12 mm) = 21.6 N, too.
+SceneFile LinksMadeAtRest() {
+  SceneFile file = SceneOf("links");
+  v1::ElasticLinks* links = file.scene.mutable_effects(4)->mutable_elastic_links();
+  links->set_rest_length_m(0.012);
+  links->set_stiffness_n_m(1800);
+  return file;
+}
 
 // Most that was ever there above what there was at first and what came by work, over E_ref.
 struct Excess {
@@ -48,39 +36,23 @@ struct Excess {
   double bodies = 0;  // without that of the contact method
 };
 
-Excess MostAdded(const std::string& method, int rate_hz) {
-  auto engine = EngineOf("rate_hz: " + std::to_string(rate_hz) + kCells + method);
-  const Model& model = engine->model();
-  const auto elasticity = MakeEffect(model, model.scene.effects(0));
-  EXPECT_TRUE(elasticity.ok());
-  std::vector<Vec3> force(model.particle_count());
-  Parallel one(1);
-  Excess most;
-  for (int ms = 0; ms < 1200; ++ms) {
-    EXPECT_EQ(StepMany(engine.get(), rate_hz / 1000), 0u);
-    const State& state = engine->state();
-    const double came_j = state.ledger.initial_j + state.ledger.external_work_j;
-    // Shape memory is the scene's first effect: its part of the effects' state is the first, too.
-    std::vector<double> rotations(state.effect_state.begin(),
-                                  state.effect_state.begin() + (*elasticity)->state_size());
-    const double bodies_j =
-        (*elasticity)
-            ->AddForces({state.position_m, state.velocity_m_s, state.time_s, rotations, &one},
-                        {force, {}, {}, {}});
-    most.whole = std::max(most.whole, engine->MechanicalEnergy() - came_j);
-    most.bodies = std::max(most.bodies, state.ledger.kinetic_j + bodies_j - came_j);
-  }
-  const Ledger& ledger = engine->state().ledger;
-  EXPECT_LE(IdentityError(ledger), 1e-12);  // what is added is booked, to round-off
-  EXPECT_LE(MomentumBalance(model, engine->state()).linear, 1e-12);
-  EXPECT_LE(MomentumBalance(model, engine->state()).angular, 1e-12);
-  const double reference_j = EnergyReference(ledger);
-  return {most.whole / reference_j, most.bodies / reference_j};
+Excess MostAdded(SceneFile file, int rate_hz) {
+  file.scene.set_rate_hz(rate_hz);
+  auto engine = EngineOf(ModelOf(file));
+  StudyOptions options;
+  options.duration_s = kRivalsDurationS;
+  options.samples = 1200;
+  const PaperStudy study = RunPaperStudy(engine.get(), options);
+  EXPECT_EQ(study.report_bits, 0u);
+  EXPECT_LE(study.identity_error, 1e-12);  // what is added is booked, to round-off
+  EXPECT_LE(study.momentum_linear, 1e-12);
+  EXPECT_LE(study.momentum_angular, 1e-12);
+  return {EnergyExcess(study), BodiesExcess(study)};
 }
 
 // The bound of 1 % is the project's (an explicit step's elastic energy oscillates).
 TEST(RivalsEnergy, TheAdhesiveAddsNone) {
-  const Excess excess = MostAdded(kAdhesive, 1000);
+  const Excess excess = MostAdded(SceneOf("adhesive"), 1000);
   EXPECT_LE(excess.whole, 1e-3);  // measured: below 1e-5
   EXPECT_LE(excess.bodies, 1e-3);
 }
@@ -88,21 +60,22 @@ TEST(RivalsEnergy, TheAdhesiveAddsNone) {
 // Springs are conservative: what an explicit step adds vanishes with it (0.7 % at 1 kHz, where
 // surfaces cross a third of the thickness in a step).
 TEST(RivalsEnergy, PenaltyAddsOnlyWhatTheStepDoes) {
-  const double coarse = MostAdded(kPenalty, 1000).whole, fine = MostAdded(kPenalty, 4000).whole;
+  const double coarse = MostAdded(SceneOf("penalty"), 1000).whole,
+               fine = MostAdded(SceneOf("penalty"), 4000).whole;
   EXPECT_LE(coarse, 0.02);
   EXPECT_LE(fine, 0.005);  // measured: 0.0015
 }
 
 // 1/2 k d^2 with every link that is made: it does not vanish with the step.
 TEST(RivalsEnergy, LinksAddItWithEveryStep) {
-  EXPECT_GT(MostAdded(kLinks, 1000).whole, 0.03);
-  EXPECT_GT(MostAdded(kLinks, 4000).whole, 0.03);
+  EXPECT_GT(MostAdded(SceneOf("links"), 1000).whole, 0.03);
+  EXPECT_GT(MostAdded(SceneOf("links"), 4000).whole, 0.03);
 }
 
 // Not every link does: those that have no force when they are made bring none but the step's.
 TEST(RivalsEnergy, LinksMadeAtTheirRestLengthAddOnlyWhatTheStepDoes) {
-  const double coarse = MostAdded(kLinksMadeAtRest, 1000).whole,
-               fine = MostAdded(kLinksMadeAtRest, 4000).whole;
+  const double coarse = MostAdded(LinksMadeAtRest(), 1000).whole,
+               fine = MostAdded(LinksMadeAtRest(), 4000).whole;
   EXPECT_LE(coarse, 0.02);
   EXPECT_LE(fine, 0.005);  // measured: 0.0017
 }
@@ -111,7 +84,8 @@ TEST(RivalsEnergy, LinksMadeAtTheirRestLengthAddOnlyWhatTheStepDoes) {
 // falling into the impulses' well does not depend on the step.
 TEST(RivalsEnergy, ImpulsesAddItByTheStepAndLendIt) {
   if (kSanitized) GTEST_SKIP() << "a long run of what shorter tests do";
-  const Excess coarse = MostAdded(kImpulses, 1000), fine = MostAdded(kImpulses, 16000);
+  const Excess coarse = MostAdded(SceneOf("impulses"), 1000),
+               fine = MostAdded(SceneOf("impulses"), 16000);
   EXPECT_GT(coarse.whole, 0.015);
   EXPECT_LT(fine.whole, 0.5 * coarse.whole);
   EXPECT_GT(coarse.bodies, 0.1);
@@ -178,10 +152,15 @@ effects:
   }
 }
 
-std::string AllRivals() { return std::string("rate_hz: 1000") + kCells + kLinks + kImpulses; }
+// Penalty, links and impulses at once.
+std::shared_ptr<const Model> AllRivals() {
+  SceneFile file = SceneOf("links");
+  *file.scene.add_effects() = SceneOf("impulses").scene.effects(3);
+  return ModelOf(file);
+}
 
 TEST(Rivals, GiveTheSameBitsForAnyNumberOfThreadsAndFromASnapshot) {
-  const auto model = ModelOf(AllRivals());
+  const auto model = AllRivals();
   auto engine = EngineOf(model), threaded = EngineOf(model, 2);
   StepMany(engine.get(), 500);
   const State snapshot = engine->state();
@@ -210,15 +189,31 @@ TEST(Rivals, AllocateNothing) {
   EXPECT_EQ(allocations - before, 0);
 }
 
-TEST(Rivals, KeepThePapersCellsApart) {
-  for (const char* scene : {"penalty", "links", "impulses"}) {
-    auto engine = SceneEngine(std::string("paper/two_cells_") + scene + ".yaml");
+// They are compared on one scene.
+TEST(Rivals, DifferInTheMethodAlone) {
+  const auto common = [](const std::string& method) {
+    v1::Scene scene = SceneOf(method).scene;
+    EXPECT_GE(scene.effects_size(), 4) << method;
+    EXPECT_FALSE(scene.effects(2).attraction().bodies_size()) << method;
+    scene.mutable_effects()->DeleteSubrange(3, scene.effects_size() - 3);
+    scene.clear_name();
+    scene.clear_description();
+    return scene.DebugString();
+  };
+  for (const char* method : {"penalty", "links", "impulses"}) {
+    EXPECT_EQ(common(method), common("adhesive")) << method;
+  }
+}
+
+TEST(Rivals, KeepCellsApart) {
+  for (const char* method : {"penalty", "links", "impulses"}) {
+    auto engine = EngineOf(ModelOf(SceneOf(method)));
     EXPECT_EQ(engine->model().particle_count(), 84);
-    for (int k = 0; k < 5; ++k) {
+    for (int k = 0; k < 6; ++k) {
       EXPECT_EQ(StepMany(engine.get(), 200), 0u);
       // Springs let surfaces pass: by less than a hundredth of the radius.
       EXPECT_LE(MeasurePenetration(engine->model(), engine->state().position_m).max_depth_m, 0.006)
-          << scene;
+          << method;
     }
   }
 }

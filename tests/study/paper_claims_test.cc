@@ -3,10 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <set>
 #include <string>
+#include <vector>
+
+#include "core/study/paper_rivals.h"
 
 namespace adhesim::test {
 namespace {
@@ -57,7 +61,8 @@ Verdict VerdictOf(const std::string& id, const PaperFigure& figure, const PaperS
 }
 
 TEST(PaperClaims, AllHoldForAGoodRun) {
-  for (const Story story : {Story::kNone, Story::kEndsTogether, Story::kAggregates}) {
+  for (const Story story :
+       {Story::kNone, Story::kEndsTogether, Story::kAggregates, Story::kHoldsAll}) {
     for (const Claim& claim : JudgeFigure(FigureOf(story), Good(), true)) {
       EXPECT_EQ(claim.verdict, Verdict::kHolds) << claim.id << " " << claim.value;
     }
@@ -144,6 +149,75 @@ TEST(PaperClaims, ABallRollsAWholeTurnWithLittleSlip) {
   EXPECT_EQ(VerdictOf("slip", figure, study), Verdict::kFails);
 }
 
+TEST(PaperClaims, EveryBodyHoldsOn) {
+  PaperStudy study = Good();
+  EXPECT_EQ(VerdictOf("holds_all", FigureOf(Story::kHoldsAll), study), Verdict::kHolds);
+  study.samples.back().group_bodies = 1;
+  EXPECT_EQ(VerdictOf("holds_all", FigureOf(Story::kHoldsAll), study), Verdict::kFails);
+  // Bodies that hold on in two zones are one group, and not one zone.
+  study = Good();
+  EXPECT_EQ(VerdictOf("one_zone", FigureOf(Story::kOneZone), study), Verdict::kFails);
+  study.samples.back().zone_bodies = 2;
+  EXPECT_EQ(VerdictOf("one_zone", FigureOf(Story::kOneZone), study), Verdict::kHolds);
+}
+
+TEST(PaperClaims, AMusclePullsTheBoneAndLetsGo) {
+  const PaperFigure figure = FigureOf(Story::kPulls);
+  PaperStudy study = Good();
+  for (StudySample& sample : study.samples) sample.moved_m = 0;
+  EXPECT_EQ(VerdictOf("pulled", figure, study), Verdict::kFails);
+  EXPECT_EQ(VerdictOf("returned", figure, study), Verdict::kFails);
+  study.samples[4].moved_m = 0.1;
+  EXPECT_EQ(VerdictOf("pulled", figure, study), Verdict::kHolds);
+  EXPECT_EQ(VerdictOf("returned", figure, study), Verdict::kHolds);
+  study.samples.back().moved_m = 0.011;
+  EXPECT_EQ(VerdictOf("returned", figure, study), Verdict::kFails);
+}
+
+TEST(PaperClaims, WhatHangsIsAtRest) {
+  const PaperFigure figure = FigureOf(Story::kHangs);
+  PaperStudy study = Good();
+  EXPECT_EQ(VerdictOf("hangs", figure, study), Verdict::kFails);  // no such body
+  study.samples.back().speed_m_s = 0.009;
+  EXPECT_EQ(VerdictOf("hangs", figure, study), Verdict::kHolds);
+  study.samples.back().speed_m_s = 0.011;
+  EXPECT_EQ(VerdictOf("hangs", figure, study), Verdict::kFails);
+}
+
+TEST(PaperRivals, AreJudgedByWhatTheyAdd) {
+  const auto verdict = [](const char* id, double low_j, double high_j) {
+    RivalResult result;
+    for (const Rival& rival : PaperRivals()) {
+      if (rival.id == id) result.rival = &rival;
+    }
+    for (const double above_j : {low_j, high_j}) {
+      RivalRun& run = result.runs.emplace_back();
+      run.study = Good();
+      run.study.samples[3].energy_j = run.study.samples[3].permitted_j + above_j;
+    }
+    const std::vector<Claim> claims = JudgeRivals({result});
+    return claims.size() == 1 ? claims[0].verdict : Verdict::kNotJudged;
+  };
+  // Of the 10 J of E_ref.
+  EXPECT_EQ(verdict("adhesive", 0.09, 0.09), Verdict::kHolds);
+  EXPECT_EQ(verdict("adhesive", 0.09, 0.11), Verdict::kFails);
+  EXPECT_EQ(verdict("adhesive", 0.11, 0.09), Verdict::kFails);
+  EXPECT_EQ(verdict("links", 0.2, 0.2), Verdict::kHolds);
+  EXPECT_EQ(verdict("links", 0.2, 0.01), Verdict::kFails);  // it would vanish with the step
+  EXPECT_EQ(verdict("impulses", 0.2, 0.01), Verdict::kHolds);
+  EXPECT_EQ(verdict("impulses", 0.01, 0.01), Verdict::kFails);
+  EXPECT_EQ(verdict("penalty", 0.2, 0.2), Verdict::kNotJudged);
+}
+
+TEST(PaperRivals, PartAfterTheyWereNearest) {
+  PaperStudy study = Good();
+  for (int i = 0; i <= 8; ++i) study.samples[i].separation_m = 1 + std::abs(i - 4.0);
+  study.samples[0].separation_m = 9;
+  study.samples[2].max_depth_m = 0.003;
+  EXPECT_EQ(PartedTo(study), 5);
+  EXPECT_EQ(GreatestDepth(study), 0.003);
+}
+
 TEST(PaperClaims, WhatOnlyTheEndShowsIsNotJudgedBeforeIt) {
   PaperStudy study = Good();
   study.samples.back().colliding_particles = 0;
@@ -167,6 +241,11 @@ TEST(PaperFigures, EachHasASceneAndInstantsInOrder) {
                                         std::string(figure.scene) + ".yaml"))
         << figure.scene;
     EXPECT_GT(figure.duration_s, 0);
+    // Stories of one body need to know which.
+    EXPECT_EQ(figure.followed.empty(), figure.story != Story::kRolls &&
+                                           figure.story != Story::kPulls &&
+                                           figure.story != Story::kHangs)
+        << figure.scene;
     ASSERT_FALSE(figure.instants.empty());
     EXPECT_TRUE(std::is_sorted(figure.instants.begin(), figure.instants.end()));
     EXPECT_GE(figure.instants.front(), 0);

@@ -81,6 +81,53 @@ TEST(PaperStudy, OneBodyHasNeitherPartnerNorOverlap) {
   EXPECT_NEAR(*study.smallest_radius_m, 0.6, 1e-12);  // a vertex of the sphere, rounded
 }
 
+TEST(PaperStudy, FollowsABody) {
+  const auto engine = EngineOf(
+      "bodies:\n  - {name: ball, icosphere: {radius_m: 0.6}, mass_kg: 1, velocity_m_s: [0, 2, "
+      "0]}\n");
+  StudyOptions options = Options(0.5, 2);
+  options.followed_body = "ball";
+  const StudySample last = RunPaperStudy(engine.get(), options).samples.back();
+  EXPECT_NEAR(last.moved_m.value_or(0), 1, 1e-12);  // 500 roundings
+  EXPECT_NEAR(last.speed_m_s.value_or(0), 2, 1e-12);
+}
+
+// Pushing apart what overlaps at the start is not contact's work; it counts as put in.
+TEST(PaperStudy, TellsWhatPushingApartBroughtBesideContact) {
+  const auto engine = EngineOf(
+      "bodies:\n"
+      "  - {name: a, icosphere: {radius_m: 0.6}, mass_kg: 1}\n"
+      "  - {name: b, icosphere: {radius_m: 0.6}, mass_kg: 1, position_m: [0.9, 0.1, 0]}\n"
+      "effects:\n"
+      "  - shape_memory: {stiffness_n_m: 60, damping_n_s_m: 0.2}\n"
+      "  - virtual_adhesive: {capture_distance_m: 0.012}\n");
+  const PaperStudy study = RunPaperStudy(engine.get(), Options(1, 50));
+  const StudySample& last = study.samples.back();
+  EXPECT_GT(last.pushed_j, 0);
+  EXPECT_EQ(last.pushed_j, engine->state().ledger.correction_j);
+  EXPECT_LE(last.contact_added_j, 1e-9 * study.reference_j);
+  EXPECT_LE(EnergyExcess(study), 0.01);  // the project's bound for an explicit step
+  EXPECT_EQ(BodiesExcess(study), EnergyExcess(study));
+}
+
+// Cells that come within the reach of impulses gain what the impulses lend.
+TEST(PaperStudy, TellsTheBodiesEnergyApartFromThatOfContact) {
+  const auto engine = EngineOf(
+      "bodies:\n"
+      "  - {name: a, icosphere: {radius_m: 0.6}, mass_kg: 1, velocity_m_s: [0.2, 0, 0]}\n"
+      "  - {name: b, icosphere: {radius_m: 0.6}, mass_kg: 1, position_m: [1.23, 0, 0], "
+      "velocity_m_s: [-0.2, 0, 0]}\n"
+      "effects:\n"
+      "  - shape_memory: {stiffness_n_m: 60}\n"
+      "  - attraction_impulses: {stick_distance_m: 0.02, stick_stiffness_n_m: 500, "
+      "contact_stiffness_n_m: 500}\n");
+  const PaperStudy study = RunPaperStudy(engine.get(), Options(0.2, 100));
+  ASSERT_TRUE(study.samples.front().bodies_energy_j);
+  EXPECT_NEAR(*study.samples.front().bodies_energy_j, 0.04, 1e-15);  // kinetic, rounded
+  EXPECT_EQ(study.samples.front().energy_j, *study.samples.front().bodies_energy_j);
+  EXPECT_GT(BodiesExcess(study), EnergyExcess(study) + 0.05);
+}
+
 // A ball turned and moved by hand, a tenth of a radian at a time.
 class Rolling : public ::testing::Test {
  protected:
