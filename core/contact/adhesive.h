@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -92,6 +93,11 @@ class Adhesive {
     bool slides;
     bool pulled;  // in tension
   };
+  // What bonds are sorted by; the last is the triangle's edge of an edge's bond.
+  static std::tuple<int, int, int, int, int> Key(const Bond& bond);
+  static bool KeyLess(const Bond& a, const Bond& b) { return Key(a) < Key(b); }
+  // The tool in ReleasedPair::other.
+  static int ToolKey(int tool) { return -1 - tool; }
   void CollectLimits(const State& state, std::span<const double> strength_scale,
                      const Contacts& contacts);
   void DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,

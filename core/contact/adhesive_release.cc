@@ -1,0 +1,210 @@
+// The part of the adhesive that is about letting go.
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/contact/adhesive.h"
+#include "core/model/bond_geometry.h"
+#include "core/model/chance.h"
+
+namespace adhesim {
+
+// From the triangle (or tool) to the particle's (or tissue's) side.
+Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
+  if (bond.tool >= 0) return state.tools[bond.tool].pose.orientation * bond.tool_normal;
+  return GeometryOf(bond, model_, state.position_m).normal;
+}
+
+void Adhesive::Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
+                         Limit* limit) const {
+  BondLimit one = LimitOf(*model_.adhesive, area_m2, mass_kg);
+  if (tool >= 0) {
+    const Strength strength = sticky ? model_.tools[tool].strength : Strength{0, 0};
+    one = {scale * strength.normal_pa * area_m2, scale * strength.shear_pa * area_m2};
+  }
+  limit->may_slide = limit->may_slide && tool < 0 && model_.adhesive->friction_coefficient;
+  // What has several bonds is held by its strongest.
+  limit->normal_n = std::max(limit->normal_n, one.normal_n);
+  limit->shear_n = std::max(limit->shear_n, one.shear_n);
+}
+
+void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double scale) {
+  Limit& limit = limit_[particle];
+  if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, true, false, false};
+  limit.normal_sum += normal;
+  Strengths(bond.tool, bond.sticky, model_.area_m2[particle], model_.mass_kg[particle], scale,
+            &limit);
+}
+
+void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
+                             const Contacts& contacts) {
+  for (int p : contacts.zone_members) limit_[p].bonded = false;
+  for (const Bond& bond : contacts.bonds) {
+    if (bond.sliding) continue;
+    const Vec3 normal = BondNormal(bond, state);
+    const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
+    // Both ends of an edge share its normal as the corners share theirs.
+    if (bond.particle >= 0 && bond.holds_particle)
+      Limits(bond.particle, bond, (1 - bond.partner_weight) * normal, scale);
+    if (bond.partner >= 0 && bond.holds_partner)
+      Limits(bond.partner, bond, bond.partner_weight * normal, scale);
+    // A tool's normal already points to the tissue; a triangle's corners are on the other side of
+    // theirs.
+    const Vec3 corner_normal = bond.tool >= 0 ? normal : Vec3(-normal);
+    for (int k = 0; k < 3; ++k) {
+      if (bond.vertices[k] >= 0)
+        Limits(bond.vertices[k], bond, bond.weights[k] * corner_normal, scale);
+    }
+  }
+}
+
+Adhesive::Demand Adhesive::DemandOn(const Limit& limit, const Vec3& load) const {
+  const double length = limit.normal_sum.norm();
+  if (!(length > 0)) return {0, false, false};
+  const Vec3 normal = limit.normal_sum / length;
+  const double tension = load.dot(normal);
+  const double shear = (load - tension * normal).norm();
+  const auto over = [](double force, double strength) {
+    if (force == 0) return 0.0;
+    return strength > 0 ? force / strength : std::numeric_limits<double>::infinity();
+  };
+  if (tension <= 0) {
+    if (!limit.may_slide) return {0, false, false};
+    return {over(shear, limit.shear_n - tension * *model_.adhesive->friction_coefficient), true,
+            false};
+  }
+  const double normal_ratio = over(tension, limit.normal_n);
+  const double shear_ratio = over(shear, limit.shear_n);
+  return {std::sqrt(normal_ratio * normal_ratio + shear_ratio * shear_ratio), false, true};
+}
+
+bool Adhesive::TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
+                             const Contacts& contacts) const {
+  const std::optional<BellRelease>& bell = model_.adhesive->bell;
+  if (!bell || !demand.pulled || !(chance_s > 0)) return false;
+  const double rate_per_s = bell->rate_per_s * Exp(load.norm() / bell->force_n);
+  return Chance(model_.seed, contacts.draws, who) >= Exp(-rate_per_s * chance_s);
+}
+
+int Adhesive::ReleaseParticles(std::span<const Vec3> load_n, double chance_s,
+                               const Contacts& contacts, Zone* zone) {
+  int released = 0;
+  for (int k = zone->first; k < zone->first + zone->count; ++k) {
+    const int p = contacts.zone_members[k];
+    if (!limit_[p].bonded || model_.fixed[p] || !rigid_.DecidesByItself(p)) continue;
+    const Demand demand = DemandOn(limit_[p], load_n[p]);
+    zone->load = std::max(zone->load, demand.ratio);
+    if (demand.ratio > 1 || TakenByChance(p, demand, load_n[p], chance_s, contacts)) {
+      (demand.slides ? limit_[p].slides : limit_[p].released) = true;
+      ++released;
+    }
+  }
+  return released;
+}
+
+int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
+                           Zone* zone) {
+  int released = 0;
+  // Members ascend, and so do their bodies.
+  for (int k = zone->first, end; k < zone->first + zone->count; k = end) {
+    const int first = contacts.zone_members[k];
+    const int body = model_.body_of[first];
+    Limit whole{Vec3::Zero(), 0, 0, true, true, false, false};
+    Vec3 load = Vec3::Zero();
+    bool fixed = false;
+    for (end = k; end < zone->first + zone->count; ++end) {
+      const int p = contacts.zone_members[end];
+      if (model_.body_of[p] != body) break;
+      if (!limit_[p].bonded) continue;
+      fixed = fixed || model_.fixed[p];
+      whole.normal_sum += limit_[p].normal_sum;
+      whole.normal_n += limit_[p].normal_n;
+      whole.shear_n += limit_[p].shear_n;
+      whole.may_slide = whole.may_slide && limit_[p].may_slide;
+      load += load_n[p];
+    }
+    if (fixed) continue;  // its load is not of the contact alone; the other side decides
+    const Demand demand = DemandOn(whole, load);
+    zone->load = std::max(zone->load, demand.ratio);
+    if (demand.ratio <= 1 && !TakenByChance(first, demand, load, chance_s, contacts)) continue;
+    for (int m = k; m < end; ++m) {
+      Limit& limit = limit_[contacts.zone_members[m]];
+      if (limit.bonded) (demand.slides ? limit.slides : limit.released) = true;
+    }
+    ++released;
+  }
+  return released;
+}
+
+int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
+                      std::span<const double> strength_scale, double chance_s, Contacts* contacts) {
+  if (contacts->bonds.empty()) return 0;
+  contacts->draws += model_.adhesive->bell && chance_s > 0;
+  CollectLimits(state, strength_scale, *contacts);
+  bond_verdict_.assign(contacts->bonds.size(), 0);
+  int released = 0;
+  for (Zone& zone : contacts->zones) {
+    zone.load = 0;
+    const bool patch = model_.adhesive->patch_size_m && zone.tool < 0 && zone.rigid_body < 0;
+    released += patch ? ReleasePatch(load_n, chance_s, *contacts, &zone)
+                      : ReleaseParticles(load_n, chance_s, *contacts, &zone);
+  }
+  released += rigid_.Release(
+      *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },
+      [&](const RigidInterfaces::Cut& cut) {
+        Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
+        Strengths(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg,
+                  cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
+        const Demand demand = DemandOn(limit, cut.load_n);
+        contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
+        const int first = contacts->zone_members[contacts->zones[cut.zone].first];
+        const int who = model_.particle_count() * (1 + cut.node) + first;
+        if (TakenByChance(who, demand, cut.load_n, chance_s, *contacts)) return kLetsGo;
+        return demand.ratio <= 1 ? kHolds : demand.slides ? kSlides : kLetsGo;
+      },
+      &bond_verdict_);
+  if (released > 0) RemoveReleased(contacts);
+  return released;
+}
+
+void Adhesive::RemoveReleased(Contacts* contacts) {
+  for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
+    Bond& bond = contacts->bonds[b];
+    if (bond.sliding) continue;
+    const int body = model_.body_of[model_.triangles[bond.triangle][0]];
+    const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
+    const auto lets_go = [&](int p) { return bond_verdict_[b] == kLetsGo || limit_[p].released; };
+    bool slides = bond_verdict_[b] == kSlides;
+    bond.ForEachMember([&](int p) { slides = slides || limit_[p].slides; });
+    for (std::int32_t& v : bond.vertices) {
+      if (v < 0 || !lets_go(v)) continue;
+      AddReleased(v, other, bond.gap_m, contacts);
+      v = -1;
+    }
+    if (bond.tool >= 0) continue;
+    if (bond.holds_particle && lets_go(bond.particle)) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
+      bond.holds_particle = false;
+    }
+    if (bond.holds_partner && lets_go(bond.partner)) {
+      AddReleased(bond.partner, body, bond.gap_m, contacts);
+      bond.holds_partner = false;
+    }
+    // What the other side has left behind.
+    if (bond.holds_particle && !bond.Holds()) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
+    } else if (slides && bond.Holds()) {
+      bond.sliding = true;
+      bond.calm = 0;
+      ShowMembers(&bond);
+    }
+  }
+  std::erase_if(contacts->bonds, [&](const Bond& bond) { return !bond.Holds(); });
+}
+
+int Adhesive::ReleaseTool(int tool, Contacts* contacts) {
+  return static_cast<int>(
+      std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.tool == tool; }));
+}
+
+}  // namespace adhesim
