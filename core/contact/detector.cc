@@ -10,7 +10,8 @@
 namespace adhesim {
 namespace {
 
-constexpr int kGrain = 256;  // groups: about 50 us of work
+constexpr int kGrain = 256;         // groups: about 50 us of work
+constexpr double kRoundOff = 1e-9;  // of the reach: where distances are compared with old ones
 constexpr int kCandidatesPerParticle = 64;
 
 // Angle between two vectors, good to 1e-3 rad, by arithmetic alone (pseudonormals need weights, not
@@ -73,6 +74,7 @@ Detector::Detector(const Model& model, double reach_m, const Options& options)
   near_.reserve(groups_.capacity());
   listed_position_m_.reserve(model.rest_position_m.size());
   box_.resize(model.bodies.size());
+  motion_.resize(model.bodies.size());
   if (options.self_apart_m) {
     rest_ = std::make_unique<RestNeighbours>(model, *options.self_apart_m);
   }
@@ -87,10 +89,32 @@ void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, Step
     for (std::size_t p = 0; p < position_m.size(); ++p) {
       moved_sq = std::max(moved_sq, (position_m[p] - listed_position_m_[p]).squaredNorm());
     }
-    moved_m_ = std::sqrt(moved_sq);
-    if (moved_m_ <= 0.5 * skin_m_) return;
+    if (moved_sq <= 0.25 * skin_m_ * skin_m_) {
+      MeasureMotions(position_m);
+      return;
+    }
   }
   Rebuild(position_m, report);
+}
+
+// How each body has moved since the list was made: what two that move together have in common does
+// not bring them nearer.
+void Detector::MeasureMotions(std::span<const Vec3> position_m) {
+  for (std::size_t b = 0; b < motion_.size(); ++b) {
+    const Body& body = model_.bodies[b];
+    const int end = body.first_particle + body.particle_count;
+    BodyMotion motion;
+    for (int p = body.first_particle; p < end; ++p)
+      motion.mean_m += position_m[p] - listed_position_m_[p];
+    motion.mean_m /= body.particle_count;
+    double most_sq = 0;
+    for (int p = body.first_particle; p < end; ++p) {
+      most_sq =
+          std::max(most_sq, (position_m[p] - listed_position_m_[p] - motion.mean_m).squaredNorm());
+    }
+    motion.rest_m = std::sqrt(most_sq) + kRoundOff * reach_m_;
+    motion_[b] = motion;
+  }
 }
 
 double Detector::ClosingSpeed(std::span<const Vec3> position_m,
@@ -128,7 +152,7 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m,
 
 void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
   listed_position_m_.assign(position_m.begin(), position_m.end());
-  moved_m_ = 0;
+  std::fill(motion_.begin(), motion_.end(), BodyMotion{Vec3::Zero(), kRoundOff * reach_m_});
   groups_.clear();
   candidate_.clear();
   // Trees and boxes grown by half the skin hold until the list is renewed.
@@ -194,7 +218,7 @@ void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepRep
         report->bits |= kStepCandidateCapacity;
         return;
       }
-      candidate_.push_back(t);
+      candidate_.push_back({t, std::sqrt(distance_sq)});
       nearest_sq = std::min(nearest_sq, distance_sq);
     });
     group.count = static_cast<int>(candidate_.size()) - group.first;
@@ -203,7 +227,11 @@ void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepRep
       report->bits |= kStepCandidateCapacity;
       return;
     }
-    std::sort(candidate_.end() - group.count, candidate_.end());
+    std::sort(candidate_.end() - group.count, candidate_.end(),
+              [](const Candidate& a, const Candidate& b) {
+                return a.distance_m != b.distance_m ? a.distance_m < b.distance_m
+                                                    : a.triangle < b.triangle;
+              });
     group.distance_m = std::sqrt(nearest_sq);
     groups_.push_back(group);
   }
@@ -223,12 +251,14 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
   evaluated_.resize(groups_.size());
   parallel->For(static_cast<int>(groups_.size()), kGrain, [&](int begin, int end) {
     for (int g = begin; g < end; ++g) {
-      // Neither side has moved more than moved_m_, so the pair cannot be nearer than this.
-      if (groups_[g].distance_m - 2 * moved_m_ > reach_m_) {
-        evaluated_[g] = kNone;
-      } else {
-        evaluated_[g] = Evaluate(groups_[g], position_m);
-      }
+      const Group& group = groups_[g];
+      // The pair cannot have come nearer than by this.
+      const BodyMotion& motion = motion_[group.body];
+      const double nearer_m =
+          motion.rest_m +
+          (position_m[group.particle] - listed_position_m_[group.particle] - motion.mean_m).norm();
+      evaluated_[g] =
+          group.distance_m - nearer_m > reach_m_ ? kNone : Evaluate(group, position_m, nearer_m);
     }
   });
   near_.clear();
@@ -241,10 +271,11 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
 std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
                                                StepReport* report) {
   if (!edge_pairs_) return {};
-  return edge_pairs_->Find(position_m, reach_m_, moved_m_, parallel, report);
+  return edge_pairs_->Find(position_m, reach_m_, motion_, parallel, report);
 }
 
-NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m) const {
+NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m,
+                            double nearer_m) const {
   const Vec3& x = position_m[group.particle];
   ClosestPoint best{Vec3::Zero(), ClosestPoint::kFace, std::numeric_limits<double>::infinity()};
   int triangle = -1;
@@ -253,13 +284,18 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
   // what it sees from outside.
   const bool from_outside = closed && model_.body_of[group.particle] == group.body;
   for (int k = group.first; k < group.first + group.count; ++k) {
-    const Triangle& tri = model_.triangles[candidate_[k]];
+    // By distance: those that follow were further still.
+    const double least_m = candidate_[k].distance_m - nearer_m;
+    if (least_m > 0 && least_m * least_m > best.distance_sq_m2) break;
+    const int t = candidate_[k].triangle;
+    const Triangle& tri = model_.triangles[t];
     if (from_outside && IsBehind(x, tri, position_m)) continue;
     const ClosestPoint point =
         ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]]);
-    if (point.distance_sq_m2 < best.distance_sq_m2) {
+    if (point.distance_sq_m2 < best.distance_sq_m2 ||
+        (point.distance_sq_m2 == best.distance_sq_m2 && t < triangle)) {
       best = point;
-      triangle = candidate_[k];
+      triangle = t;
     }
   }
   if (triangle < 0) return kNone;

@@ -60,6 +60,10 @@ class Detector {
 
  private:
   struct Broad;  // FCL's manager and its objects
+  struct Candidate {
+    std::int32_t triangle;
+    double distance_m;  // when the list was made
+  };
   // The triangles of one body that are near one particle.
   struct Group {
     std::int32_t particle, body;
@@ -69,7 +73,9 @@ class Detector {
   void Rebuild(std::span<const Vec3> position_m, StepReport* report);
   void AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report);
   bool BelongTogether(int particle, int triangle) const;
-  NearPair Evaluate(const Group& group, std::span<const Vec3> position_m) const;
+  // `nearer_m`: by how much its sides may have come nearer since the list was made.
+  NearPair Evaluate(const Group& group, std::span<const Vec3> position_m, double nearer_m) const;
+  void MeasureMotions(std::span<const Vec3> position_m);
   Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature,
                     std::span<const Vec3> position_m) const;
 
@@ -82,9 +88,9 @@ class Detector {
       across_;  // [#triangles] triangle across the edge k to k + 1, or -1
   std::unique_ptr<Broad> broad_;
   std::vector<Vec3> listed_position_m_;  // [#particles] when the list was made; empty: no list
-  double moved_m_ = 0;                   // most that any particle has moved since
+  std::vector<BodyMotion> motion_;       // [#bodies] since then
   std::vector<Group> groups_;            // ascending by (particle, body)
-  std::vector<std::int32_t> candidate_;  // triangles, group by group
+  std::vector<Candidate> candidate_;     // group by group, by distance
   std::vector<NearPair> evaluated_;      // [#groups]
   std::vector<NearPair> near_;
   std::unique_ptr<EdgePairs> edge_pairs_;  // null: not wanted

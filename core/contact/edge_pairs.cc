@@ -192,13 +192,23 @@ bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
 }
 
 std::span<const NearEdges> EdgePairs::Find(std::span<const Vec3> position_m, double reach_m,
-                                           double moved_m, Parallel* parallel, StepReport* report) {
-  // Neither edge has moved more than moved_m, so a pair that was further apart cannot be in reach.
-  const double far_m = reach_m + 2 * moved_m;
+                                           std::span<const BodyMotion> motion, Parallel* parallel,
+                                           StepReport* report) {
   crosses_.resize(candidate_.size());
   parallel->For(static_cast<int>(candidate_.size()), kGrain, [&](int begin, int end) {
     Crossing crossing;
+    int body_a = -1, body_b = -1;
+    double far_m = 0;
     for (int c = begin; c < end; ++c) {
+      const int a = model_.body_of[edges_[candidate_[c].a].ends[0]];
+      const int b = model_.body_of[edges_[candidate_[c].b].ends[0]];
+      if (a != body_a || b != body_b) {
+        body_a = a;
+        body_b = b;
+        // What was further apart cannot be in reach.
+        far_m = reach_m + (motion[a].mean_m - motion[b].mean_m).norm() + motion[a].rest_m +
+                motion[b].rest_m;
+      }
       crosses_[c] = candidate_[c].distance_m <= far_m &&
                     Cross(candidate_[c], position_m, reach_m * reach_m, &crossing);
     }

@@ -12,6 +12,12 @@
 
 namespace adhesim {
 
+// How a body has moved since a list was made: on the mean, and its particles beside that at most.
+struct BodyMotion {
+  Vec3 mean_m = Vec3::Zero();
+  double rest_m = 0;
+};
+
 // Edge `a` of one body that crosses over edge `b` of another (or of its own, elsewhere), nearest in
 // both edges' insides.
 struct NearEdges {
@@ -46,10 +52,11 @@ class EdgePairs {
               std::span<const Vec3> position_m, StepReport* report);
   void End();
 
-  // Pairs with |gap| <= reach, ascending by (edge a, edge b), when no particle has moved more than
-  // `moved_m` since the list was made. Allocates nothing.
-  std::span<const NearEdges> Find(std::span<const Vec3> position_m, double reach_m, double moved_m,
-                                  Parallel* parallel, StepReport* report);
+  // Pairs with |gap| <= reach, ascending by (edge a, edge b), when bodies have moved by `motion`
+  // [#bodies] since the list was made. Allocates nothing.
+  std::span<const NearEdges> Find(std::span<const Vec3> position_m, double reach_m,
+                                  std::span<const BodyMotion> motion, Parallel* parallel,
+                                  StepReport* report);
 
  private:
   // Sine of the angle by which o may lead into a face. 0 would lose edges between coplanar faces to
