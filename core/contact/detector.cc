@@ -74,6 +74,7 @@ Detector::Detector(const Model& model, double reach_m, const Options& options)
   near_.reserve(groups_.capacity());
   listed_position_m_.reserve(model.rest_position_m.size());
   box_.resize(model.bodies.size());
+  velocity_box_.resize(model.bodies.size());
   motion_.resize(model.bodies.size());
   if (options.self_apart_m) {
     rest_ = std::make_unique<RestNeighbours>(model, *options.self_apart_m);
@@ -117,14 +118,19 @@ void Detector::MeasureMotions(std::span<const Vec3> position_m) {
   }
 }
 
-double Detector::ClosingSpeed(std::span<const Vec3> position_m,
-                              std::span<const Vec3> velocity_m_s) {
+double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
+                              double enough_m_s) {
   for (std::size_t b = 0; b < box_.size(); ++b) {
     const Body& body = model_.bodies[b];
-    box_[b] = Aabb{};
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+    box_[b] = velocity_box_[b] = Aabb{};
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       box_[b].Add(position_m[p]);
+      velocity_box_[b].Add(velocity_m_s[p]);
+    }
   }
+  const auto closing_sq = [](const Aabb& a, const Aabb& b) {
+    return (a.max - b.min).cwiseMax(b.max - a.min).squaredNorm();
+  };
   // Of the triangles of one body that are near the other's box; a point of a triangle is no faster
   // than its corners. The trees name more than that, depending on when their list was made: the
   // boxes of now decide.
@@ -139,13 +145,13 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m,
     });
     return found;
   };
-  double fastest_sq = 0;
+  double fastest_sq = enough_m_s * enough_m_s;
   for (const auto& [a, b] : broad_->pairs) {
+    if (closing_sq(velocity_box_[a], velocity_box_[b]) <= fastest_sq) continue;
     const Aabb of_a = velocities(a, box_[b].Grown(reach_m_));
     const Aabb of_b = velocities(b, box_[a].Grown(reach_m_));
     if (!(of_a.min.x() <= of_a.max.x()) || !(of_b.min.x() <= of_b.max.x())) continue;  // empty
-    fastest_sq =
-        std::max(fastest_sq, (of_a.max - of_b.min).cwiseMax(of_b.max - of_a.min).squaredNorm());
+    fastest_sq = std::max(fastest_sq, closing_sq(of_a, of_b));
   }
   return std::sqrt(fastest_sq);
 }

@@ -49,8 +49,10 @@ class Detector {
 
   double reach_m() const { return reach_m_; }
   // Upper bound of the speed at which surfaces of different bodies nearer than reach_m() close in,
-  // at these velocities and the positions of the last Update.
-  double ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s);
+  // at these velocities and the positions of the last Update; `enough` or less when it is no more
+  // than that.
+  double ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
+                      double enough_m_s);
   // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`,
   // overlaps `box`.
   template <typename Visit>
@@ -82,8 +84,8 @@ class Detector {
   const Model& model_;
   double reach_m_;
   double skin_m_;
-  std::vector<TriangleTree> trees_;  // [#bodies]
-  std::vector<Aabb> box_;            // [#bodies] of ClosingSpeed
+  std::vector<TriangleTree> trees_;       // [#bodies]
+  std::vector<Aabb> box_, velocity_box_;  // [#bodies] of ClosingSpeed
   std::vector<std::array<std::int32_t, 3>>
       across_;  // [#triangles] triangle across the edge k to k + 1, or -1
   std::unique_ptr<Broad> broad_;

@@ -100,8 +100,10 @@ int Pipeline::SubstepsNow() {
     // Only what is within reach needs so many; the rest has further to go. ClosingSpeed() is of
     // pairs of bodies: tools, and a body that meets itself, keep to the box.
     detector_->Update(state_.position_m, &parallel_, &report_);
-    const double near = detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s) *
-                        model_->dt_s / (0.5 * contact_distance_m_);
+    const double per_m_s = model_->dt_s / (0.5 * contact_distance_m_);
+    const double enough_m_s = (1 - 1e-9) * substeps_ / per_m_s;
+    const double near =
+        per_m_s * detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s, enough_m_s);
     const double far = closing * model_->dt_s / (detector_->reach_m() - 0.5 * contact_distance_m_);
     wanted = near > far ? near : far;
   }
