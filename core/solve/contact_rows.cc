@@ -11,6 +11,9 @@ namespace {
 
 // Sliding ends when a step moves the surfaces by less than this share of the capture distance.
 constexpr double kStill = 1e-4;
+// Less mobility than this share of what its particles have separately is round-off: they move as
+// one, and no impulse between them changes anything.
+constexpr double kNoMobility = 1e-12;
 
 }  // namespace
 
@@ -189,12 +192,13 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
 
 double ContactRows::Mobility(const Row& row, int direction, const State& state,
                              std::span<const RigidGroup> groups) const {
-  double sum = 0;
+  double sum = 0, separately = 0;
   for (int i = 0; i < kNodes; ++i) {
     const int p = row.particle[i];
     const Vec3& g = row.gradient[direction][i];
     const int zone = state.contacts.zone_of[p];
     if (model_.fixed[p]) continue;
+    separately += g.squaredNorm() / (zone < 0 ? model_.mass_kg[p] : groups[zone].mass_kg);
     if (zone < 0) {
       sum += g.squaredNorm() / model_.mass_kg[p];
       continue;
@@ -213,7 +217,7 @@ double ContactRows::Mobility(const Row& row, int direction, const State& state,
     const Twist response = groups[zone].Response(force, moment);
     sum += force.dot(response.linear_m_s) + moment.dot(response.angular_rad_s);
   }
-  return sum;
+  return sum > kNoMobility * separately ? sum : 0;
 }
 
 double ContactRows::Speed(const Row& row, int direction, const State& state,

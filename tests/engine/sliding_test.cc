@@ -140,5 +140,31 @@ effects:
   EXPECT_LE(end.max_depth_m, 0.012);
 }
 
+// Contacts of which both sides have come into one zone by other bonds: nothing there can slide, and
+// no round-off taken for mobility may make impulses of it.
+TEST(Sliding, WithinOneZoneKeepsTheBooksClosed) {
+  auto engine = EngineOf(R"(
+rate_hz: 500
+seed: 127
+bodies:
+  - {name: b0, sheet: {length_m: 0.0305, width_m: 0.0570, columns: 7, rows: 5}, fixed: [half_space: {point_m: [0, 0, -0.047487], normal: [0, 0, 1]}], mass_kg: 1.0000, position_m: [-0.0147, 0.0187, -0.0475], rotation_deg: [-165.6811, -95.6651, 132.8325]}
+  - {name: b1, sheet: {length_m: 0.0633, width_m: 0.0562, columns: 6, rows: 6}, mass_kg: 0.0100, position_m: [0.0340, 0.0194, 0.0204], rotation_deg: [-42.2168, -172.5665, 132.7785], velocity_m_s: [-0.0650, 0.0264, -0.0276], angular_velocity_rad_s: [0.7021, -0.2429, -0.0656]}
+  - {name: b2, block: {size_m: [0.0340, 0.0224, 0.0216], cells: 1}, kind: rigid, mass_kg: 0.1000, position_m: [-0.0158, 0.0188, 0.0335], rotation_deg: [-158.5552, 132.3870, 134.6346], velocity_m_s: [0.0000, 0.0000, 0.0000], angular_velocity_rad_s: [0.0000, 0.0000, 0.0000]}
+  - {name: b3, block: {size_m: [0.0239, 0.0204, 0.0108], cells: 1}, mass_kg: 0.1000, position_m: [-0.0439, -0.0394, 0.0402], rotation_deg: [-40.5064, -42.7714, -43.6113], velocity_m_s: [0.4679, -0.3149, 0.1372], angular_velocity_rad_s: [-3.2202, -0.2262, -9.8664]}
+  - {name: b4, sheet: {length_m: 0.0515, width_m: 0.0605, columns: 2, rows: 6}, mass_kg: 0.1000, position_m: [-0.0315, -0.0252, -0.0212], rotation_deg: [-10.6386, -114.3268, -2.6439], velocity_m_s: [-0.0563, 0.0516, 0.0148], angular_velocity_rad_s: [-0.9491, 0.2564, -0.9587]}
+  - {name: b5, sheet: {length_m: 0.0520, width_m: 0.0423, columns: 6, rows: 6}, mass_kg: 0.0100, position_m: [-0.0478, 0.0011, 0.0123], rotation_deg: [18.7142, -165.2777, 123.6664], velocity_m_s: [0.8792, 0.5738, -0.7585], angular_velocity_rad_s: [-3.2632, -7.6490, 5.0560]}
+effects:
+  - shape_memory: {stiffness_n_m: 20, damping_n_s_m: 0.1}
+  - volume_preservation: {}
+  - virtual_adhesive: {capture_distance_m: 0.002, kappa_adh_m: 0.001, friction_coefficient: 0, bell: {rate_per_s: 0.1, force_n: 0.1}}
+)");
+  StepMany(engine.get(), 20);
+  EXPECT_GT(engine->state().contacts.colliding_particles, 10);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);  // 3e-3 once
+  const MomentumError error = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LE(error.linear, 1e-11);
+  EXPECT_LE(error.angular, 1e-11);
+}
+
 }  // namespace
 }  // namespace adhesim::test
