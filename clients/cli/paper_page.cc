@@ -187,8 +187,8 @@ std::string RivalsExplained() {
            "Penalty forces add only what the step does, and it vanishes; but they never pull: the "
            "cells bounce off.",
            "Elastic links add energy whenever one is made, because it is made stretched. That "
-           "does not vanish with the step. Links that are made at their rest length add only what "
-           "the step does: it is the prestress that adds it, and not links as such.",
+           "does not vanish with the step. Unstretched links, made at their rest length, add "
+           "only what the step does: it is the prestress that adds it, and not links as such.",
            "Attraction impulses add energy by the step, and it vanishes, because they have a "
            "potential. But they lend it: who watches the bodies alone, as a simulator does that "
            "books impulses as nothing, sees the bodies gain a large share at every rate while "
@@ -201,8 +201,10 @@ std::string RivalsExplained() {
 
 std::string Rivals(const PaperReport& report) {
   HtmlTable table{
-      "Most energy above what was put in, in % of E_ref, at each rate; the rest at the "
-      "lowest rate.",
+      "Most energy above what was put in, in % of E_ref, at each rate. At the lowest rate: the "
+      "same of the bodies "
+      "alone, the deepest overlap, the greatest distance of the centres after the cells were "
+      "nearest, CPU time.",
       {"method"},
       {false},
       {}};
@@ -212,9 +214,9 @@ std::string Rivals(const PaperReport& report) {
   };
   for (const int rate_hz : RivalRatesHz()) column(absl::StrCat(rate_hz, " Hz"), true);
   column("bodies alone", true);
-  column("deepest overlap, mm", true);
+  column("depth, mm", true);
   column("pulls", false);
-  column("furthest apart after meeting, m", true);
+  column("apart, m", true);
   column("ms a step", true);
   column("sub-steps", true);
   const auto percent = [](double share) { return absl::StrFormat("%.3f", 100 * share); };

@@ -100,8 +100,6 @@ Plot RivalPlot(Plot plot, const std::vector<RivalResult>& results, bool highest_
     plot.series.push_back(
         Curve(std::string(result.rival->name), run.study,
               [&](const StudySample& sample) { return value(sample, run.study.reference_j); }));
-    // The one that the others are compared with stands out.
-    plot.series.back().dashed = result.rival != results.front().rival;
   }
   return plot;
 }

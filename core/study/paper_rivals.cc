@@ -18,7 +18,7 @@ constexpr Rival kRivals[] = {
     {"adhesive", "rivals/adhesive", "virtual adhesive", true, {}},
     {"penalty", "rivals/penalty", "penalty forces", false, {}},
     {"links", "rivals/links", "elastic links", true, {}},
-    {"links_at_rest", "rivals/links", "elastic links made at their rest length", true, kMadeAtRest},
+    {"links_at_rest", "rivals/links", "unstretched links", true, kMadeAtRest},
     {"impulses", "rivals/impulses", "attraction impulses", true, {}},
 };
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "core/contact/penetration.h"
+#include "core/model/bond_geometry.h"
 #include "core/model/diagnostics.h"
 #include "core/study/bodies_energy.h"
 #include "core/study/rolling.h"
@@ -55,7 +56,8 @@ std::optional<double> SmallestRadius(const Model& model) {
   return smallest;
 }
 
-// Mean distance between a particle and the point of the surface that it holds on to.
+// Mean distance between the two points of a pair that holds: of a particle or an edge, and of a
+// triangle.
 std::optional<double> MeanGap(const Model& model, const State& state) {
   double sum = 0;
   int count = 0;
@@ -64,7 +66,7 @@ std::optional<double> MeanGap(const Model& model, const State& state) {
     const Triangle& triangle = model.triangles[bond.triangle];
     Vec3 point = Vec3::Zero();
     for (int k = 0; k < 3; ++k) point += bond.weights[k] * state.position_m[triangle[k]];
-    sum += (state.position_m[bond.particle] - point).norm();
+    sum += (GeometryOf(bond, model, state.position_m).point_m - point).norm();
     ++count;
   }
   if (count == 0) return std::nullopt;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -90,6 +91,24 @@ TEST(PaperStudy, FollowsABody) {
   const StudySample last = RunPaperStudy(engine.get(), options).samples.back();
   EXPECT_NEAR(last.moved_m.value_or(0), 1, 1e-12);  // 500 roundings
   EXPECT_NEAR(last.speed_m_s.value_or(0), 2, 1e-12);
+}
+
+// Two bars that cross with an edge each: the pair's points lie on the edges.
+TEST(PaperStudy, TheGapOfEdgesIsBetweenTheirPoints) {
+  const auto engine = EngineOf(
+      "bodies:\n"
+      "  - {name: a, kind: rigid, block: {size_m: [1, 0.2, 0.2], cells: 1}, mass_kg: 1, "
+      "rotation_deg: [45, 0, 0]}\n"
+      "  - {name: b, kind: rigid, block: {size_m: [0.2, 1, 0.2], cells: 1}, mass_kg: 1, "
+      "rotation_deg: [0, 45, 0], position_m: [0.03, 0.02, 0.29], velocity_m_s: [0, 0, -0.1]}\n"
+      "effects:\n"
+      "  - virtual_adhesive: {capture_distance_m: 0.005}\n");
+  const PaperStudy study = RunPaperStudy(engine.get(), Options(0.2, 5));
+  const auto& bonds = engine->state().contacts.bonds;
+  ASSERT_TRUE(
+      std::any_of(bonds.begin(), bonds.end(), [](const Bond& b) { return b.partner >= 0; }));
+  ASSERT_TRUE(study.samples.back().mean_gap_m);
+  EXPECT_LE(*study.samples.back().mean_gap_m, 0.005);
 }
 
 // Pushing apart what overlaps at the start is not contact's work; it counts as put in.
