@@ -157,11 +157,12 @@ void JudgeAggregate(Judge* judge) {
                  fall > 0 ? late / fall : 1, Relation::kAtMost, kPlateauShare);
   judge->AddLast("one_aggregate", "bodies in the largest group at the end", "", last.group_bodies,
                  Relation::kIs, study.bodies);
-  if (study.capture_distance_m) {
-    // Without a pair there is nothing but empty space.
+  if (study.release_distance_m) {
+    // Captured within the capture distance, tissue stretches; further apart than the release
+    // distance it would not be contact. Without a pair there is nothing but empty space.
     const double gap = last.mean_gap_m.value_or(last.radius_m);
     judge->AddLast("no_empty_space", "mean gap of the pairs that hold, at the end", "m", gap,
-                   Relation::kAtMost, *study.capture_distance_m);
+                   Relation::kAtMost, *study.release_distance_m);
   }
 }
 

@@ -129,7 +129,10 @@ class Study {
     result_.particles = model_.particle_count();
     result_.triangles = static_cast<int>(model_.triangles.size());
     result_.dt_s = model_.dt_s;
-    if (model_.adhesive) result_.capture_distance_m = model_.adhesive->capture_distance_m;
+    if (model_.adhesive) {
+      result_.capture_distance_m = model_.adhesive->capture_distance_m;
+      result_.release_distance_m = model_.adhesive->release_distance_m;
+    }
     result_.smallest_radius_m = SmallestRadius(model_);
     may_overlap_ = MayOverlap(model_);
     for (const Body& body : model_.bodies) {

@@ -52,7 +52,7 @@ struct PaperStudy {
   std::uint64_t steps = 0;
   bool finite = true, interrupted = false;
   std::uint32_t report_bits = 0;  // StepBit of any step
-  std::optional<double> capture_distance_m;
+  std::optional<double> capture_distance_m, release_distance_m;
   std::optional<double> smallest_radius_m;   // of a closed body: from its middle to its furthest
                                              // particle
   double cpu_ms_median = 0, cpu_ms_p99 = 0;  // of the steps of the second half

@@ -22,6 +22,7 @@ PaperStudy Good() {
   study.particles = 84;
   study.triangles = 160;
   study.capture_distance_m = 0.012;
+  study.release_distance_m = 0.018;
   study.smallest_radius_m = 0.6;
   study.reference_j = 10;
   for (int i = 0; i <= 8; ++i) {
