@@ -45,7 +45,13 @@ Overlap::Overlap(const Model& model) : model_(model) {
   box_.resize(model.bodies.size());
   involved_.resize(model.bodies.size());
   body_mass_kg_.assign(model.bodies.size(), 0);
-  for (std::size_t p = 0; p < n; ++p) body_mass_kg_[model.body_of[p]] += model.mass_kg[p];
+  held_.assign(model.bodies.size(), 0);
+  for (std::size_t p = 0; p < n; ++p) {
+    const int b = model.body_of[p];
+    body_mass_kg_[b] += model.mass_kg[p];
+    // Where one particle of a rigid body may not move, none can be pushed along.
+    if (model.fixed[p] && model.bodies[b].rigid) held_[b] = 1;
+  }
 }
 
 std::span<const Overlap::Inside> Overlap::Find(std::span<const Vec3> position_m) {
@@ -189,7 +195,7 @@ Overlap::Exit Overlap::ExitOf(const Inside& at, std::span<const Vec3> position_m
 
 double Overlap::Mobility(int p) const {
   const int b = model_.body_of[p];
-  if (model_.fixed[p]) return 0;
+  if (model_.fixed[p] || held_[b]) return 0;
   return 1 / (model_.bodies[b].rigid ? body_mass_kg_[b] : model_.mass_kg[p]);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -53,6 +54,7 @@ class Overlap {
   std::vector<Inside> inside_;
   std::vector<Aabb> box_;               // [#bodies]
   std::vector<double> body_mass_kg_;    // [#bodies]
+  std::vector<std::uint8_t> held_;      // [#bodies] rigid, with a fixed particle
   std::vector<std::int32_t> involved_;  // [#bodies] how many of inside_ move it, if it is rigid
   // Scratch of one body's particles inside.
   std::size_t first_ = 0;            // into inside_

@@ -108,5 +108,18 @@ TEST(Overlap, EndsForWholeBodiesInsideRigidOnesAndFixedOnes) {
   }
 }
 
+// A rigid body that is held at one end: pushing it along would carry its fixed particles away, in
+// every sub-step, for ever.
+TEST(Overlap, LeavesAHeldRigidBodyWhereItIs) {
+  auto engine =
+      EngineOf(Pair("icosphere: {radius_m: 0.6}, mass_kg: 1, kind: rigid, fixed: "
+                    "[half_space: {point_m: [0, 0, -0.5], normal: [0, 0, 1]}]",
+                    "icosphere: {radius_m: 0.6}, mass_kg: 1, position_m: [0.2, 0, 0.9]"));
+  EXPECT_LT(StepsUntilApart(engine.get(), 1000), 1000);
+  const Body& held = engine->model().bodies[0];
+  for (int p = held.first_particle; p < held.first_particle + held.particle_count; ++p)
+    EXPECT_EQ(engine->state().position_m[p], engine->model().rest_position_m[p]);
+}
+
 }  // namespace
 }  // namespace adhesim::test
