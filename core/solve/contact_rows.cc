@@ -11,9 +11,10 @@ namespace {
 
 // Sliding ends when a step moves the surfaces by less than this share of the capture distance.
 constexpr double kStill = 1e-4;
-// Less mobility than this share of what its particles have separately is round-off: they move as
-// one, and no impulse between them changes anything.
-constexpr double kNoMobility = 1e-12;
+// Less mobility than this share of what its particles would have if their zones were free: they
+// move as one, or turn about a pin that is nearly in line. No sensible impulse changes anything
+// there; a senseless one would spin the zone.
+constexpr double kNoMobility = 1e-2;
 
 }  // namespace
 

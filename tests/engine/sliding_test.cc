@@ -166,5 +166,31 @@ effects:
   EXPECT_LE(error.angular, 1e-11);
 }
 
+// A particle that sticks to one fixed particle, and slides on the triangle beside it: all it can do
+// is turn about the pin, and an impulse in line with that once grew to 1e86 kg m/s.
+TEST(Sliding, BesideAPinStaysFinite) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: a, icosphere: {radius_m: 0.03, subdivisions: 2}, mass_kg: 0.1}
+  - {name: b, icosphere: {radius_m: 0.03}, mass_kg: 0.1, position_m: [0.0, 0, -0.063], fixed: [all: true]}
+tools:
+  - name: n
+    needle: {radius_m: 0.003}
+    position_m: [0.003, 0.002, 0.04]
+    adhesion: {normal_strength_pa: 100}
+    trajectory:
+      - {t_s: 0, position_m: [0.003, 0.002, 0.04]}
+      - {t_s: 0.3, position_m: [0.003, 0.002, -0.01]}
+      - {t_s: 0.6, position_m: [0.06, 0.002, 0.06]}
+effects:
+  - shape_memory: {stiffness_n_m: 50}
+  - volume_preservation: {}
+  - uniform_gravity: {}
+  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 10, friction_coefficient: 0.5}
+)");
+  EXPECT_FALSE(StepMany(engine.get(), 600) & kStepNonFinite);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+}
+
 }  // namespace
 }  // namespace adhesim::test
