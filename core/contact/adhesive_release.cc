@@ -167,19 +167,6 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
   return released;
 }
 
-namespace {
-
-// The smaller of what both sides still hold of their weights.
-double HeldWeight(const Bond& bond) {
-  const double first = (bond.holds_particle ? 1 - bond.partner_weight : 0) +
-                       (bond.holds_partner ? bond.partner_weight : 0);
-  double second = 0;
-  for (int k = 0; k < 3; ++k) second += bond.vertices[k] >= 0 ? bond.weights[k] : 0;
-  return std::min(first, second);
-}
-
-}  // namespace
-
 void Adhesive::RemoveReleased(Contacts* contacts) {
   for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
     Bond& bond = contacts->bonds[b];
@@ -203,14 +190,10 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
       AddReleased(bond.partner, body, bond.gap_m, contacts);
       bond.holds_partner = false;
     }
-    if (HeldWeight(bond) < 0.5) {
-      // Where most of a side has let go, what is left would hold by a far corner: it goes as well.
-      bond.ForEachMember([&](int p) {
-        const bool first = p == bond.particle || p == bond.partner;
-        AddReleased(p, first ? body : other, bond.gap_m, contacts);
-      });
-      bond.holds_particle = bond.holds_partner = false;
-    } else if (slides) {
+    // What the other side has left behind.
+    if (bond.holds_particle && !bond.Holds()) {
+      AddReleased(bond.particle, body, bond.gap_m, contacts);
+    } else if (slides && bond.Holds()) {
       bond.sliding = true;
       bond.calm = 0;
       ShowMembers(&bond);

@@ -189,7 +189,9 @@ effects:
   - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 10, friction_coefficient: 0.5}
 )");
   EXPECT_FALSE(StepMany(engine.get(), 600) & kStepNonFinite);
-  EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+  double fastest_m_s = 0;
+  for (const Vec3& v : engine->state().velocity_m_s) fastest_m_s = std::max(fastest_m_s, v.norm());
+  EXPECT_LT(fastest_m_s, 10);
 }
 
 }  // namespace
