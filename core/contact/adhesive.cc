@@ -151,12 +151,10 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
     captured += Hold(bond, contacts, report);
   }
   captured += CaptureEdges(near_edges, state, still, contacts, report);
-  if (slides()) {
-    captured += static_cast<int>(std::erase_if(
-        contacts->bonds, [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); }));
-  }
   report->captures += captured;
-  return captured;
+  if (!slides()) return captured;
+  const auto passed = [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); };
+  return captured + static_cast<int>(std::erase_if(contacts->bonds, passed));
 }
 
 // The corners and ends that take part.

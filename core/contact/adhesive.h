@@ -39,7 +39,7 @@ class Adhesive {
   explicit Adhesive(const Model& model);
 
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
-  // the capture rule. Returns the number of new bonds. `dt_s` scales what counts as approaching.
+  // the capture rule. Returns the number of changes. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
               const State& state, double dt_s, Contacts* contacts, StepReport* report);
 

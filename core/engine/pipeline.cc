@@ -126,7 +126,6 @@ void Pipeline::Substep(double dt_s) {
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
-  EndSliding();
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
     tool.twist = tool_twist_[t];
@@ -134,6 +133,7 @@ void Pipeline::Substep(double dt_s) {
     tool.pose.orientation =
         (RotationStep(tool.twist.angular_rad_s, dt_s) * tool.pose.orientation).normalized();
   }
+  EndSliding();  // zones that tools hold are where the tools are now
   clock_.Lap(book_stage_);
 }
 

@@ -16,8 +16,9 @@ namespace adhesim {
 // adhesion: |J_t| <= mu J_n + sigma_t A dt). Impulses at the velocities of the sub-step, found by
 // projected Gauss-Seidel in the order of the bonds (physics notes 3.6).
 //
-// An impulse acts on the particles of both sides so that its sum and its moment vanish. It only
-// ever takes energy: every row ends at, or moves towards, no sliding and no approach.
+// An impulse acts on the particles of both sides so that its sum and its moment vanish. Every row
+// ends at, or moves towards, no sliding and no approach: together they take energy, but for what
+// sweeps that have not converged leave.
 class ContactRows {
  public:
   // Velocities that impulses change: of free particles [#particles], and of zones [#zones].
