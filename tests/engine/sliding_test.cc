@@ -192,6 +192,7 @@ effects:
   double fastest_m_s = 0;
   for (const Vec3& v : engine->state().velocity_m_s) fastest_m_s = std::max(fastest_m_s, v.norm());
   EXPECT_LT(fastest_m_s, 10);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-12);
 }
 
 }  // namespace
