@@ -3,6 +3,7 @@
 #include <span>
 #include <string_view>
 
+#include "core/model/block_matrix.h"
 #include "core/model/model.h"
 #include "core/model/near_pair.h"
 #include "core/model/parallel.h"
@@ -69,6 +70,17 @@ class Effect {
   // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N
   // s/m]: the explicit stability bound comes from them.
   virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}
+  // --- Stiffness, for implicit steps. An effect without it is explicit in them.
+  virtual bool has_stiffness() const { return false; }
+  // Names every pair of particles whose forces depend on each other.
+  virtual void AddPairs(BlockMatrix::Pattern* pattern) const {}
+  // Called once, with the matrix made from all effects' patterns: the place to look up slots.
+  virtual void UseMatrix(const BlockMatrix& matrix) {}
+  // Adds stiffness_scale * K + damping_scale * D at the positions and velocities of `in`, where K =
+  // -d(elastic force)/dx and D = -d(damping force)/dv, both made symmetric and positive
+  // semidefinite. The rows of each sum to zero. Allocates nothing.
+  virtual void AddStiffness(const ForceInput& in, double stiffness_scale, double damping_scale,
+                            BlockMatrix* matrix) const {}
   // Distance within which it wants to know the pairs of ForceInput::near; 0: none.
   virtual double contact_reach_m() const { return 0; }
   // Numbers of State::effect_state that it keeps, and their values at the start.

@@ -18,7 +18,10 @@ struct ToolFrame {
   std::int32_t colliding_particles = 0;
   double contact_area_m2 = 0;  // area at rest of the particles that move with it
   double depth_m = 0;  // mean way of those particles from rest along the tool's axis: > 0 pushed in
-  std::uint32_t flags = 0;  // ToolFlag bits
+  double force_error_n = -1;  // bound of what the implicit solver left open in `tissue`; < 0: none
+  double torque_error_nm = -1;
+  Mat3 stiffness_n_m = Mat3::Zero();  // of the tissue force against motions of the tip
+  std::uint32_t flags = 0;            // ToolFlag bits
 };
 
 enum ToolFlag : std::uint32_t {
@@ -47,6 +50,19 @@ struct ContactForce {
 };
 static_assert(sizeof(ContactForce) == 16);  // streamed as it is
 
+// A contact that holds or slides.
+struct ContactFrame {
+  Vec3 point_m = Vec3::Zero();
+  Vec3 normal = Vec3::Zero();  // unit, towards the side of `body`
+  double normal_force_n = 0;   // on that side, along it: > 0 pressed, < 0 pulled
+  double tangential_force_n = 0;
+  double margin = 1;       // 1: unloaded, 0: about to let go
+  std::int32_t zone = -1;  // ZoneFrame::id; -1: it slides
+  std::int32_t body = -1;
+  std::int32_t other_body = -1;  // -1: a tool
+  std::int32_t tool = -1;
+};
+
 // Bits of StepReport::bits; each says which limit to raise.
 enum StepBit : std::uint32_t {
   kStepNonFinite =
@@ -58,6 +74,7 @@ enum StepBit : std::uint32_t {
   kStepZoneSplitForced = 1u << 5,    // tools or pins that disagree met in one zone; it was split
   kStepCandidateCapacity = 1u << 6,  // more near pairs than the engine reserved
   kStepOverlap = 1u << 7,            // bodies that overlap since the start are being separated
+  kStepNotConverged = 1u << 8,       // the implicit solver stopped at its limit of iterations
 };
 
 // What happened in a step.
@@ -82,6 +99,7 @@ struct Frame {
   // Of particles that can move and are deformable, ascending; capacity fixed, size varies. In the
   // last sub-step.
   std::vector<ContactForce> contact_forces;
+  std::vector<ContactFrame> contacts;  // likewise; ascending by bond
   // [#particles] each one's share of the elastic energy, J, where forces were evaluated last; empty
   // when no effect is elastic.
   std::vector<float> strain_energy_j;

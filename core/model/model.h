@@ -12,7 +12,7 @@
 
 namespace adhesim {
 
-// One body: a contiguous range of the model's particles and of its triangles.
+// One body: a contiguous range of the model's particles, of its triangles and of its tetrahedra.
 struct Body {
   std::string name;
   std::string scene_name;  // of the scene's body that it is, or is a copy of
@@ -23,8 +23,10 @@ struct Body {
   std::int32_t particle_count = 0;
   std::int32_t first_triangle = 0;
   std::int32_t triangle_count = 0;
-  double rest_volume_m3 = 0;  // of the mesh; closed bodies only
-  double size_m = 0;          // diagonal of its bounding box at rest
+  std::int32_t first_tetrahedron = 0;
+  std::int32_t tetrahedron_count = 0;  // 0: the body is its surface only
+  double rest_volume_m3 = 0;           // of the mesh; closed bodies only
+  double size_m = 0;                   // diagonal of its bounding box at rest
 };
 
 struct NeedleShape {
@@ -46,6 +48,20 @@ struct CouplingParameters {
   double max_speed_m_s = 0.5;
 };
 
+// How velocities follow from forces (see Integrator in scene.proto).
+enum class Integrator { kExplicit, kImplicit, kNewton };
+
+// A tetrahedron's particles; (b - a) x (c - a) . (d - a) > 0 at rest.
+using Tetrahedron = std::array<std::int32_t, 4>;
+
+// A particle without mass or forces of its own: it moves with a tetrahedron of its body, as the
+// weighted mean of its corners. Weights sum to 1 and may be negative (it lies outside).
+struct CarriedParticle {
+  std::int32_t particle;
+  Tetrahedron carriers;
+  std::array<double, 4> weights;
+};
+
 // Strength of a bond as tractions; infinite: it never lets go; zero: contact without stickiness.
 struct Strength {
   double normal_pa = std::numeric_limits<double>::infinity();
@@ -64,6 +80,7 @@ struct ToolModel {
   Pose start;
   CouplingParameters coupling;
   Strength strength{0, 0};
+  std::optional<double> work_of_adhesion_j_m2;  // as in AdhesiveParameters
   double sticky_length_m =
       std::numeric_limits<double>::infinity();  // behind the tip; further up nothing sticks
   std::vector<TimedPose> trajectory;            // by time; empty: none
@@ -89,8 +106,9 @@ struct AdhesiveParameters {
   std::optional<KappaStrength> kappa;  // used instead of `strength` when present
   std::optional<double> patch_size_m;  // absent: zones are not cut
   std::optional<BellRelease> bell;
-  std::optional<double> friction_coefficient;  // absent: what sticks under pressure never slides
-  bool self_collision = false;                 // surfaces stick to themselves too
+  std::optional<double> friction_coefficient;   // absent: what sticks under pressure never slides
+  bool self_collision = false;                  // surfaces stick to themselves too
+  std::optional<double> work_of_adhesion_j_m2;  // lowers the strengths by mesh size and stiffness
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.
@@ -99,13 +117,16 @@ struct Model {
   double dt_s = 1e-3;
   double stability_fraction = 0.5;
   int max_substeps = 64;
+  Integrator integrator = Integrator::kExplicit;
+  double tolerance = 0.01;   // of the implicit solver: relative residual
+  int max_iterations = 200;  // and its limit
   std::uint64_t seed = 1;
 
   std::vector<Body> bodies;
   // Particles [#particles].
   std::vector<Vec3> rest_position_m;  // placed in the world, at the start of the scene
   std::vector<Vec3> initial_velocity_m_s;
-  std::vector<double> mass_kg;        // > 0
+  std::vector<double> mass_kg;        // > 0; carried particles: 0
   std::vector<double> area_m2;        // a third of the incident triangles' area at rest
   std::vector<std::uint8_t> fixed;    // 1: never moves
   std::vector<std::int32_t> body_of;  // index into `bodies`
@@ -119,8 +140,18 @@ struct Model {
   std::vector<std::int32_t> incident_start;  // [#particles + 1]
   std::vector<std::int32_t> incident;
 
+  // Volume [#tetrahedra], global particle indices; empty in scenes of surfaces.
+  std::vector<Tetrahedron> tetrahedra;
+  std::vector<double> fill;  // part of it inside the surface, 0..1: scales stiffness and mass
+  std::vector<std::int32_t> tet_label;   // label of the image or number in the file; -1: none
+  std::vector<std::int32_t> tet_group;   // index into `group_names`; -1: none
+  std::vector<std::string> group_names;  // physical groups of mesh files
+  std::vector<CarriedParticle> carried;  // ascending by particle
+
   std::vector<ToolModel> tools;
   std::optional<AdhesiveParameters> adhesive;
+  // [#particles] (1 - nu^2) / E of the tissue there, 1/Pa; empty: no effect needs it.
+  std::vector<double> compliance_per_pa;
   // The scene that this was made from, with defaults filled in: the effects read their messages
   // here.
   v1::Scene scene;

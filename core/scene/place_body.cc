@@ -161,20 +161,25 @@ void PlaceBody(const v1::Body& body, const TriangleMesh& mesh, const std::string
     model->triangles.push_back(
         {a + placed.first_particle, b + placed.first_particle, c + placed.first_particle});
   }
+  const std::vector<TriangleSide> sides = SortedSides(mesh.triangles);
+  const std::vector<std::uint8_t> on_border = BoundaryVertices(sides, placed.particle_count);
+  placed.closed = std::find(on_border.begin(), on_border.end(), 1) == on_border.end();
+  if (placed.closed) placed.rest_volume_m3 = EnclosedVolume(world);
+  if (body.has_density_kg_m3() && !placed.closed) {
+    problems->push_back(
+        {path + ".density_kg_m3", "needs a volume, and the surface is open; permitted: mass_kg"});
+  }
+  const double mass_kg =
+      body.has_density_kg_m3() ? body.density_kg_m3() * placed.rest_volume_m3 : body.mass_kg();
   const int body_index = static_cast<int>(model->bodies.size());
   for (std::size_t i = 0; i < world.vertices.size(); ++i) {
     model->rest_position_m.push_back(world.vertices[i]);
     model->initial_velocity_m_s.push_back(Vec3::Zero());
     model->area_m2.push_back(area[i]);
-    model->mass_kg.push_back(body.mass_kg() * (area[i] / total_area));
+    model->mass_kg.push_back(mass_kg * (area[i] / total_area));
     model->fixed.push_back(0);
     model->body_of.push_back(body_index);
   }
-
-  const std::vector<TriangleSide> sides = SortedSides(mesh.triangles);
-  const std::vector<std::uint8_t> on_border = BoundaryVertices(sides, placed.particle_count);
-  placed.closed = std::find(on_border.begin(), on_border.end(), 1) == on_border.end();
-  if (placed.closed) placed.rest_volume_m3 = EnclosedVolume(world);
 
   Fix(body, on_border, path, placed, model, problems);
   if (placed.rigid && PinsLock(*model, placed)) {
