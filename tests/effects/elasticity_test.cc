@@ -83,16 +83,26 @@ Eigen::VectorXd Flat(const std::vector<Vec3>& f) {
   return Eigen::Map<const Eigen::VectorXd>(f[0].data(), 3 * static_cast<int>(f.size()));
 }
 
-TetBlock Block(double damping_s = 0) {
+TetBlock Block(v1::ElasticModel law, double damping_s = 0) {
   return {.cells = {3, 2, 2},
           .size_m = {0.3, 0.2, 0.2},
           .jitter = 0.2,
+          .law = law,
           .stiffness_damping_s = damping_s};
 }
+
+class ElasticLaw : public testing::TestWithParam<v1::ElasticModel> {};
+INSTANTIATE_TEST_SUITE_P(Elasticity, ElasticLaw,
+                         testing::Values(v1::ELASTIC_MODEL_COROTATIONAL,
+                                         v1::ELASTIC_MODEL_NEO_HOOKEAN),
+                         [](const auto& info) {
+                           return info.param == v1::ELASTIC_MODEL_NEO_HOOKEAN ? "neo_hookean"
+                                                                              : "corotational";
+                         });
 const Mat3 kTurn = Quat(0.2, -0.7, 0.4, 0.5).normalized().toRotationMatrix();
 
-TEST(Elasticity, NothingAtRestHoweverTurned) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, NothingAtRestHoweverTurned) {
+  Tissue tissue(Block(GetParam()));
   EXPECT_LT(tissue.Evaluate(), 1e-25);
   tissue.Map(kTurn, Vec3(3, -2, 1));
   const double energy = tissue.Evaluate();
@@ -102,8 +112,8 @@ TEST(Elasticity, NothingAtRestHoweverTurned) {
   EXPECT_LT(Size(tissue.force[0]), 1e-11);
 }
 
-TEST(Elasticity, ForceIsMinusTheGradientOfTheEnergy) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, ForceIsMinusTheGradientOfTheEnergy) {
+  Tissue tissue(Block(GetParam()));
   tissue.Strew(0.02, &tissue.x);
   EXPECT_GT(tissue.Evaluate(), 0);
   const std::vector<Vec3> force = tissue.force[0];
@@ -121,8 +131,8 @@ TEST(Elasticity, ForceIsMinusTheGradientOfTheEnergy) {
   }
 }
 
-TEST(Elasticity, ForcesFollowARotation) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, ForcesFollowARotation) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.02, &tissue.x);
   tissue.Strew(1, &tissue.v);
   const double energy = tissue.Evaluate();
@@ -137,8 +147,8 @@ TEST(Elasticity, ForcesFollowARotation) {
   }
 }
 
-TEST(Elasticity, ForcesAndTorquesSumToNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, ForcesAndTorquesSumToNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.03, &tissue.x);
   tissue.Strew(1, &tissue.v);
   tissue.Evaluate();
@@ -163,8 +173,8 @@ void ExpectSymmetricPositive(const Eigen::MatrixXd& k) {
   EXPECT_LT(sums.cwiseAbs().maxCoeff(), 1e-13 * size);
 }
 
-TEST(Elasticity, StiffnessIsSymmetricPositiveWithRowsThatSumToNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, StiffnessIsSymmetricPositiveWithRowsThatSumToNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   for (const double amount : {0.0, 0.02, 0.2}) {  // the last one turns tetrahedra inside out
     tissue.Strew(amount, &tissue.x);
     tissue.Evaluate();
@@ -188,8 +198,8 @@ Eigen::VectorXd Derivative(Tissue* tissue, int kind, std::vector<Vec3>* what,
   return (up - down) / (2 * h);
 }
 
-TEST(Elasticity, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
+  Tissue tissue(Block(GetParam()));
   tissue.Map(kTurn);
   tissue.Evaluate();
   const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
@@ -200,8 +210,8 @@ TEST(Elasticity, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
   EXPECT_LT((k * Flat(d) + derivative).norm(), 1e-8 * derivative.norm());
 }
 
-TEST(Elasticity, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
-  Tissue tissue(Block());
+TEST(Corotational, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
+  Tissue tissue(Block(v1::ELASTIC_MODEL_COROTATIONAL));
   const double strain = 0.01;
   tissue.Map(kTurn * Vec3(1 + strain, 1 - strain / 2, 1).asDiagonal());
   tissue.Evaluate();
@@ -213,8 +223,8 @@ TEST(Elasticity, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
   EXPECT_LT((k * Flat(d) + derivative).norm(), 2 * strain * derivative.norm());
 }
 
-TEST(Elasticity, DampingMatrixIsTheDerivativeOfTheDampingForce) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, DampingMatrixIsTheDerivativeOfTheDampingForce) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.02, &tissue.x);
   tissue.Strew(1, &tissue.v);
   tissue.Evaluate();
@@ -224,15 +234,15 @@ TEST(Elasticity, DampingMatrixIsTheDerivativeOfTheDampingForce) {
   EXPECT_LT(Flat(tissue.v).dot(Flat(tissue.force[1])), 0);
 }
 
-TEST(Elasticity, DampingAtRestIsRayleighs) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, DampingAtRestIsRayleighs) {
+  Tissue tissue(Block(GetParam(), 0.01));
   const Eigen::MatrixXd k = tissue.Stiffness(1, 0), d = tissue.Stiffness(0, 1);
   EXPECT_LT((d - 0.01 * k).norm(), 1e-14 * k.norm());  // the same sums, with F for R
 }
 
-TEST(Elasticity, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
+TEST_P(ElasticLaw, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
   for (const double poisson : {0.0, 0.3, 0.45}) {
-    TetBlock block = Block();
+    TetBlock block = Block(GetParam());
     block.poisson_ratio = poisson;
     Tissue tissue(block);
     std::vector<double> stiffness(tissue.x.size(), 0), damping(stiffness);
@@ -254,8 +264,8 @@ TEST(Elasticity, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
   }
 }
 
-TEST(Elasticity, ThreadsAndInstructionSetsDoNotChangeABit) {
-  TetBlock block = Block(0.01);
+TEST_P(ElasticLaw, ThreadsAndInstructionSetsDoNotChangeABit) {
+  TetBlock block = Block(GetParam(), 0.01);
   block.cells = {16, 9, 9};  // enough to be split among threads
   Tissue tissue(block);
   tissue.Strew(0.02, &tissue.x);
@@ -292,8 +302,8 @@ TEST(Elasticity, ThreadsAndInstructionSetsDoNotChangeABit) {
   }
 }
 
-TEST(Elasticity, AllocatesNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, AllocatesNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   BlockMatrix matrix = tissue.Matrix();
   tissue.Strew(0.2, &tissue.x);
   Parallel two(2);
