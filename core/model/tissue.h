@@ -1,0 +1,30 @@
+#pragma once
+
+#include <vector>
+
+#include "core/model/model.h"
+
+namespace adhesim {
+
+// A material of tissue.
+struct Material {
+  double young_modulus_pa = 0;
+  double poisson_ratio = 0;
+
+  // Lame's constants, Pa.
+  double mu() const { return young_modulus_pa / (2 * (1 + poisson_ratio)); }
+  double lambda() const {
+    return young_modulus_pa * poisson_ratio / ((1 + poisson_ratio) * (1 - 2 * poisson_ratio));
+  }
+};
+
+// Whether a region holds a tetrahedron: by its centre at rest, its label or its group.
+bool Holds(const v1::Region& region, const Model& model, int tetrahedron);
+
+// The last region of the message that holds a tetrahedron; -1: none does.
+int RegionOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron);
+
+// The material of a tetrahedron that the message acts on.
+Material MaterialOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron);
+
+}  // namespace adhesim
