@@ -147,7 +147,7 @@ TEST(SceneFile, RefusesNoMemberOfAOneof) {
 TEST(SceneFile, PointsToTheBodyThatLacksAField) {
   EXPECT_THAT(
       Errors("bodies:\n  - name: a\n    icosphere: {radius_m: 1}\n"),
-      HasSubstr("s.yaml:2:5: error: bodies[0].mass_kg: required, but missing; permitted: above 0"));
+      HasSubstr("s.yaml:2:5: error: bodies[0].mass_kg: is missing; needed: mass_kg, or density"));
 }
 
 TEST(SceneFile, RefusesWrongTypes) {
