@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/contact/penetration.h"
+#include "core/model/carried.h"
 #include "core/model/closest_point.h"
 
 namespace adhesim {
@@ -44,6 +45,7 @@ Overlap::Overlap(const Model& model) : model_(model) {
   at_.assign(n, -1);
   box_.resize(model.bodies.size());
   involved_.resize(model.bodies.size());
+  carried_ = CarriedIndex(model);
   body_mass_kg_.assign(model.bodies.size(), 0);
   held_.assign(model.bodies.size(), 0);
   for (std::size_t p = 0; p < n; ++p) {
@@ -196,17 +198,26 @@ Overlap::Exit Overlap::ExitOf(const Inside& at, std::span<const Vec3> position_m
 double Overlap::Mobility(int p) const {
   const int b = model_.body_of[p];
   if (model_.fixed[p] || held_[b]) return 0;
-  return 1 / (model_.bodies[b].rigid ? body_mass_kg_[b] : model_.mass_kg[p]);
+  if (model_.bodies[b].rigid) return 1 / body_mass_kg_[b];
+  if (carried_.empty() || carried_[p] < 0) return 1 / model_.mass_kg[p];
+  const CarriedParticle& c = model_.carried[carried_[p]];
+  double mobility = 0;
+  for (int k = 0; k < 4; ++k) mobility += c.weights[k] * c.weights[k] * Mobility(c.carriers[k]);
+  return mobility;
 }
 
-void Overlap::Move(int p, const Vec3& by, std::span<Vec3> position_m) const {
+void Overlap::Move(int p, const Vec3& push, std::span<Vec3> position_m) const {
   const Body& body = model_.bodies[model_.body_of[p]];
-  if (!body.rigid) {
-    position_m[p] += by;
-    return;
+  if (body.rigid) {
+    for (int q = body.first_particle; q < body.first_particle + body.particle_count; ++q)
+      position_m[q] += Mobility(p) * push;
+  } else if (carried_.empty() || carried_[p] < 0) {
+    position_m[p] += Mobility(p) * push;
+  } else {
+    const CarriedParticle& c = model_.carried[carried_[p]];
+    for (int k = 0; k < 4; ++k)
+      position_m[c.carriers[k]] += c.weights[k] * Mobility(c.carriers[k]) * push;
   }
-  for (int q = body.first_particle; q < body.first_particle + body.particle_count; ++q)
-    position_m[q] += by;
 }
 
 void Overlap::Separate(double limit_m, std::span<Vec3> position_m) {
@@ -224,10 +235,10 @@ void Overlap::Separate(double limit_m, std::span<Vec3> position_m) {
     // A rigid body gets the mean of what its particles ask for.
     const int times = std::max({1, involved_[model_.body_of[at.particle]], involved_[at.body]});
     const Vec3 push = way / (mobility * times) * at.direction;
-    Move(at.particle, Mobility(at.particle) * push, position_m);
-    for (int k = 0; k < 3; ++k)
-      Move(tri[k], -exit.weights(k) * Mobility(tri[k]) * push, position_m);
+    Move(at.particle, push, position_m);
+    for (int k = 0; k < 3; ++k) Move(tri[k], -exit.weights(k) * push, position_m);
   }
+  Carry(model_, position_m);
 }
 
 }  // namespace adhesim

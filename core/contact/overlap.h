@@ -44,7 +44,8 @@ class Overlap {
   Exit ExitOf(const Inside& at, std::span<const Vec3> position_m) const;
   // Change of position for an impulse of one along the direction, 1/kg.
   double Mobility(int particle) const;
-  void Move(int particle, const Vec3& by, std::span<Vec3> position_m) const;
+  // Moves it by its mobility times the push.
+  void Move(int particle, const Vec3& push, std::span<Vec3> position_m) const;
   void FindIn(int body, std::span<const Vec3> position_m);
   void MeasureBorder(std::span<const Vec3> position_m);
   void SpreadInward(std::span<const Vec3> position_m);
@@ -54,6 +55,7 @@ class Overlap {
   std::vector<Inside> inside_;
   std::vector<Aabb> box_;               // [#bodies]
   std::vector<double> body_mass_kg_;    // [#bodies]
+  std::vector<std::int32_t> carried_;   // [#particles] into Model::carried, -1; or empty
   std::vector<std::uint8_t> held_;      // [#bodies] rigid, with a fixed particle
   std::vector<std::int32_t> involved_;  // [#bodies] how many of inside_ move it, if it is rigid
   // Scratch of one body's particles inside.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/engine/pipeline.h"
+#include "core/model/carried.h"
 
 namespace adhesim {
 
@@ -18,6 +19,12 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
     return absl::InvalidArgumentError(absl::StrCat("simd: ", SimdName(options.simd),
                                                    " (this machine has at most ",
                                                    SimdName(available.back()), ")"));
+  }
+  if (!model->carried.empty() && model->adhesive &&
+      (model->adhesive->friction_coefficient || model->adhesive->kappa)) {
+    return absl::InvalidArgumentError(
+        "virtual_adhesive: friction_coefficient and kappa_adh_m act on the mass of a surface's "
+        "particles, and a carried surface has none; permitted: strengths, on blocks also both");
   }
   std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options));
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
@@ -85,9 +92,15 @@ void Pipeline::CompileContact() {
 absl::Status Pipeline::ChooseSubsteps() {
   std::vector<double> stiffness(model_->rest_position_m.size(), 0), damping(stiffness.size(), 0);
   for (const auto& effect : effects_) effect->AddBounds(stiffness, damping);
+  for (const CarriedParticle& c : model_->carried) {
+    for (int k = 0; k < 4; ++k) {
+      stiffness[c.carriers[k]] += std::abs(c.weights[k]) * stiffness[c.particle];
+      damping[c.carriers[k]] += std::abs(c.weights[k]) * damping[c.particle];
+    }
+  }
   double largest_dt_s = std::numeric_limits<double>::infinity();
   for (std::size_t p = 0; p < stiffness.size(); ++p) {
-    if (model_->fixed[p]) continue;
+    if (model_->fixed[p] || !(model_->mass_kg[p] > 0)) continue;
     const double w_sq = stiffness[p] / model_->mass_kg[p], d = damping[p] / model_->mass_kg[p];
     if (w_sq > 0) {
       largest_dt_s = std::min(largest_dt_s, (std::sqrt(d * d + 4 * w_sq) - d) / w_sq);
@@ -149,6 +162,8 @@ void Pipeline::NameStages() {
 void Pipeline::MakeStartState() {
   start_.position_m = model_->rest_position_m;
   start_.velocity_m_s = model_->initial_velocity_m_s;
+  Carry(*model_, start_.position_m);
+  Carry(*model_, start_.velocity_m_s);
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     effects_[e]->InitialState(
         std::span(start_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()));

@@ -62,9 +62,10 @@ void FrameWriter::WriteTools(const State& state, Frame* frame) const {
     if (zone.tool < 0) continue;
     ToolFrame& tool = frame->tools[zone.tool];
     const Vec3 inward = tool.pose.orientation * Vec3(0, 0, -1);  // from the shaft to the tip
-    tool.colliding_particles += zone.count;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state.contacts.zone_members[k];
+      if (!(model_.area_m2[p] > 0)) continue;  // it only carries what touches
+      ++tool.colliding_particles;
       tool.contact_area_m2 += model_.area_m2[p];
       tool.depth_m += inward.dot(state.position_m[p] - model_.rest_position_m[p]);
     }

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/carried.h"
+
 namespace adhesim {
 namespace {
 
@@ -202,6 +204,11 @@ double Pipeline::AddAllForces() {
         near_};
     elastic_j += effects_[e]->AddForces(in, out);
     clock_.Lap(effect_stage_[e]);
+  }
+  if (!model_->carried.empty()) {
+    for (auto& force : force_n_) {
+      if (!force.empty()) GiveToCarriers(*model_, force);
+    }
   }
   return elastic_j;
 }

@@ -54,17 +54,6 @@ void CheckRegion(const v1::Region& region, const std::string& path, Problems* pr
   }
 }
 
-void CheckMass(const v1::Body& body, const std::string& path, Problems* problems) {
-  if (body.has_mass_kg() && body.has_density_kg_m3()) {
-    problems->push_back({path + ".density_kg_m3", "excludes mass_kg: write one of them"});
-  }
-  if (!body.has_mass_kg() && !body.has_density_kg_m3()) {
-    problems->push_back({path + ".mass_kg",
-                         "is missing; needed: mass_kg, or density_kg_m3 where the body encloses a "
-                         "volume"});
-  }
-}
-
 void CheckQuaternion(const RepeatedField<double>& wxyz, const std::string& path,
                      Problems* problems) {
   const double length = Length(wxyz);
@@ -224,7 +213,6 @@ void CheckSceneRules(const v1::Scene& scene, Problems* problems) {
   CheckUniqueNames(scene.bodies(), "bodies", problems);
   CheckUniqueNames(scene.tools(), "tools", problems);
   for (int i = 0; i < scene.bodies_size(); ++i) {
-    CheckMass(scene.bodies(i), IndexPath("bodies", i), problems);
     for (int j = 0; j < scene.bodies(i).fixed_size(); ++j) {
       CheckRegion(scene.bodies(i).fixed(j), IndexPath(IndexPath("bodies", i) + ".fixed", j),
                   problems);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/carried.h"
 #include "core/solve/ledger.h"
 
 namespace adhesim {
@@ -38,8 +39,10 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   rows_ = static_cast<int>(row_.size());
   old_twist_.resize(model.tools.size());
   per_kg_.resize(n);
+  if (!model.carried.empty()) carried_area_m2_.assign(n, 0);
   for (std::size_t p = 0; p < n; ++p) {
-    per_kg_[p].setConstant(model.fixed[p] ? 0 : 1 / model.mass_kg[p]);
+    const bool moves_by_itself = !model.fixed[p] && model.mass_kg[p] > 0;
+    per_kg_[p].setConstant(moves_by_itself ? 1 / model.mass_kg[p] : 0);
   }
   if (rows_ > 0) {
     row_of_.assign(n, -1);
@@ -129,6 +132,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
     load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
   }
+  if (!model_.carried.empty()) ShareLoads(state.contacts);
 }
 
 void SubspaceSolver::ProjectGroups(const State& state) {
@@ -153,6 +157,7 @@ void SubspaceSolver::KickAll(const State& state) {
       kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : groups_[z].VelocityAt(state.position_m[p]);
     }
   }
+  Carry(model_, kicked_m_s_);
 }
 
 // Positions after the move.
@@ -174,6 +179,7 @@ void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel
       if (!model_.fixed[p]) moved_m_[p] = groups_[z].MovedPosition(state.position_m[p]);
     }
   }
+  Carry(model_, moved_m_);
 }
 
 // Velocities before and after the move that MoveAll() made.
@@ -185,11 +191,32 @@ void SubspaceSolver::FinishMove(const State& state) {
       if (!model_.fixed[p]) moved_velocity_m_s_[p] = groups_[z].MovedVelocity(moved_m_[p]);
     }
   }
+  Carry(model_, moved_velocity_m_s_);
+}
+
+// What carries particles of a zone carries their load: each gets the part that its area has in it.
+void SubspaceSolver::ShareLoads(const Contacts& contacts) {
+  for (int p : contacts.zone_members) carried_area_m2_[p] = 0;
+  const auto for_each = [&](const auto& visit) {
+    for (const CarriedParticle& c : model_.carried) {
+      if (contacts.zone_of[c.particle] < 0) continue;
+      for (int k = 0; k < 4; ++k) {
+        visit(c, c.carriers[k], std::max(c.weights[k], 0.0) * model_.area_m2[c.particle]);
+      }
+    }
+  };
+  for_each([&](const CarriedParticle&, int carrier, double area_m2) {
+    carried_area_m2_[carrier] += area_m2;
+  });
+  for_each([&](const CarriedParticle& c, int carrier, double area_m2) {
+    if (area_m2 > 0) load_n_[c.particle] += area_m2 / carried_area_m2_[carrier] * load_n_[carrier];
+  });
 }
 
 void SubspaceSolver::CollectRows(const State& state) {
   for (const Effect* effect : constraints_)
     effect->ConstraintGradients(state.position_m, gradient_);
+  GiveToCarriers(model_, gradient_);
   for (int r = 0; r < rows_; ++r) {
     double free = 0, all = 0;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
@@ -313,7 +340,7 @@ void SubspaceSolver::MeetSlides(const State& state) {
     // What the sweeps gave to free particles goes on from here.
     for (int p : slides_.particles()) {
       if (model_.fixed[p] || state.contacts.zone_of[p] >= 0) continue;
-      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p) / model_.mass_kg[p];
+      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p).cwiseProduct(per_kg_[p]);
     }
   }
 }
@@ -364,6 +391,7 @@ void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
     int first = 0;
     for (const Effect* effect : constraints_) {
       effect->ConstraintGradients(position_m, gradient_);
+      GiveToCarriers(model_, gradient_);
       const std::size_t count = effect->constraints().size();
       effect->ConstraintResiduals(position_m, std::span(residual_).subspan(first, count));
       first += static_cast<int>(count);
@@ -372,15 +400,15 @@ void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
     for (int r = 0; r < rows_; ++r) {
       double mobility = 0;
       for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-        if (!model_.fixed[p]) mobility += gradient_[p].squaredNorm() / model_.mass_kg[p];
+        mobility += gradient_[p].cwiseProduct(per_kg_[p]).dot(gradient_[p]);
       }
       if (!(mobility > 0)) continue;
       worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
       for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-        if (!model_.fixed[p])
-          position_m[p] -= residual_[r] / mobility / model_.mass_kg[p] * gradient_[p];
+        position_m[p] -= residual_[r] / mobility * gradient_[p].cwiseProduct(per_kg_[p]);
       }
     }
+    Carry(model_, position_m);
     if (worst <= kConstraintTolerance) return;
   }
 }

@@ -83,6 +83,7 @@ class SubspaceSolver {
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
   void FinishMove(const State& state);
+  void ShareLoads(const Contacts& contacts);
   void Extrapolate(int iteration);
   void SolveRows(std::span<const double> rhs, std::span<double> x);
   void ApplyRows(std::span<const double> x, std::span<double> y) const;
@@ -97,9 +98,11 @@ class SubspaceSolver {
   int rows_ = 0;
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
-  std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed
-  std::vector<Part> parts_;   // all particles
-  int part_grain_ = 1;        // parts that are worth a thread
+  std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed or carried
+  std::vector<double>
+      carried_area_m2_;      // [#particles] of what it carries; empty: nothing is carried
+  std::vector<Part> parts_;  // all particles
+  int part_grain_ = 1;       // parts that are worth a thread
   std::vector<RigidGroup> groups_;
   ContactRows slides_;
   std::span<const ContactRows::Verdict> slid_;
