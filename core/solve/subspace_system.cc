@@ -71,6 +71,7 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
 void SubspaceSystem::InvertDiagonal(Parallel* parallel) {
   parallel->For(model_.particle_count(), kChunk, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
+      if (!(model_.mass_kg[p] > 0)) continue;  // carried: no row of its own
       const Mat3& block = matrix_.At(matrix_.Slot(p, p));
       const Mat3 inverse = (0.5 * (block + block.transpose())).inverse();
       inverse_diagonal_[p] = 0.5 * (inverse + inverse.transpose());
