@@ -55,10 +55,38 @@ absl::Status Pipeline::CompileEffects() {
   }
   total_force_n_.assign(n, Vec3::Zero());
   solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
+  if (absl::Status status = CompileImplicit(); !status.ok()) return status;
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
   CompileContact();
   frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
   start_.effect_state.assign(state_size, 0);
+  return absl::OkStatus();
+}
+
+absl::Status Pipeline::CompileImplicit() {
+  if (model_->integrator == Integrator::kExplicit) return absl::OkStatus();
+  std::vector<ImplicitSolver::StiffEffect> stiff;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    if (effects_[e]->has_stiffness()) stiff.push_back({effects_[e].get(), effect_state_first_[e]});
+  }
+  if (stiff.empty()) return absl::OkStatus();
+  implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff));
+  implicit_damping_n_ = total_force_n_;
+  start_.velocity_change_m_s = total_force_n_;
+  // A constraint that is met after the solve moves particles against stiffness that it does not
+  // see: energy would come in.
+  for (const auto& effect : effects_) {
+    for (const ConstraintRow& row : effect->constraints()) {
+      for (int p = row.first; p < row.first + row.count; ++p) {
+        if (!implicit_->HasStiffness(p)) continue;
+        return absl::InvalidArgumentError(absl::StrCat(
+            "effect ", std::string(effect->name()), " acts on body '",
+            model_->bodies[model_->body_of[p]].name,
+            "', whose elasticity is implicit (permitted: other bodies; poisson_ratio says how "
+            "incompressible tissue is)"));
+      }
+    }
+  }
   return absl::OkStatus();
 }
 
@@ -91,7 +119,9 @@ void Pipeline::CompileContact() {
 // the row sums.
 absl::Status Pipeline::ChooseSubsteps() {
   std::vector<double> stiffness(model_->rest_position_m.size(), 0), damping(stiffness.size(), 0);
-  for (const auto& effect : effects_) effect->AddBounds(stiffness, damping);
+  for (const auto& effect : effects_) {
+    if (!IsImplicit(*effect)) effect->AddBounds(stiffness, damping);
+  }
   for (const CarriedParticle& c : model_->carried) {
     for (int k = 0; k < 4; ++k) {
       stiffness[c.carriers[k]] += std::abs(c.weights[k]) * stiffness[c.particle];

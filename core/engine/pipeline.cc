@@ -191,6 +191,7 @@ void Pipeline::Separate() {
 
 double Pipeline::AddAllForces() {
   for (auto& force : force_n_) std::fill(force.begin(), force.end(), Vec3::Zero());
+  std::fill(implicit_damping_n_.begin(), implicit_damping_n_.end(), Vec3::Zero());
   const ForceOutput out{force_n_[0], force_n_[1], force_n_[2], force_n_[3]};
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
@@ -202,7 +203,9 @@ double Pipeline::AddAllForces() {
         std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
         &parallel_,
         near_};
-    elastic_j += effects_[e]->AddForces(in, out);
+    ForceOutput to = out;
+    if (IsImplicit(*effects_[e])) to.damping = implicit_damping_n_;
+    elastic_j += effects_[e]->AddForces(in, to);
     clock_.Lap(effect_stage_[e]);
   }
   if (!model_->carried.empty()) {
@@ -305,8 +308,15 @@ Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
 }
 
 void Pipeline::Solve(double dt_s) {
+  const ImplicitSolver::Forces forces{{force_n_[0], force_n_[1], force_n_[2], force_n_[3]},
+                                      total_force_n_};
+  if (implicit_) implicit_->Begin(state_, near_, forces, dt_s, &parallel_);
   for (int pass = 0;; ++pass) {
-    solver_->Try(state_, total_force_n_, tool_twist_, dt_s, &parallel_, &report_);
+    solver_->FormGroups(state_, tool_twist_);
+    if (implicit_) {
+      implicit_->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
+    }
+    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
     if (!adhesive_) return;
     if (pass == kReleasePasses) {
       report_.bits |= kStepReleasePasses;

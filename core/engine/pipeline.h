@@ -13,6 +13,7 @@
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
+#include "core/solve/implicit_solver.h"
 #include "core/solve/ledger.h"
 #include "core/solve/subspace_solver.h"
 #include "core/tools/coupling.h"
@@ -46,6 +47,7 @@ class Pipeline : public Engine {
   Pipeline(std::shared_ptr<const Model> model, const Options& options)
       : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
+  absl::Status CompileImplicit();
   void CompileContact();
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
@@ -66,6 +68,7 @@ class Pipeline : public Engine {
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
   void Solve(double dt_s);
+  bool IsImplicit(const Effect& effect) const { return implicit_ && effect.has_stiffness(); }
   bool Finite() const;
 
   std::shared_ptr<const Model> model_;
@@ -87,6 +90,7 @@ class Pipeline : public Engine {
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
+  std::unique_ptr<ImplicitSolver> implicit_;  // null where every force is explicit
   std::unique_ptr<FrameWriter> frame_writer_;
   bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
@@ -94,6 +98,7 @@ class Pipeline : public Engine {
   std::array<std::vector<Vec3>, kForceKinds>
       force_n_;                      // [#particles] each; empty: no effect adds that kind
   std::vector<Vec3> total_force_n_;  // [#particles]
+  std::vector<Vec3> implicit_damping_n_;  // [#particles] goes unused: implicit steps find their own
   std::vector<Twist> tool_twist_;    // [#tools] for the coming sub-step
   std::vector<Pose> tool_pose_;      // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step

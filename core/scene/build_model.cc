@@ -198,6 +198,24 @@ void BuildEffects(const v1::Scene& scene, Model* model, Problems* problems) {
   }
 }
 
+// Linearly implicit where a body is elastic inside, unless the scene says otherwise.
+Integrator IntegratorOf(const v1::Scene& scene) {
+  switch (scene.integration().integrator()) {
+    case v1::INTEGRATOR_EXPLICIT:
+      return Integrator::kExplicit;
+    case v1::INTEGRATOR_IMPLICIT:
+      return Integrator::kImplicit;
+    case v1::INTEGRATOR_NEWTON:
+      return Integrator::kNewton;
+    default:
+      break;
+  }
+  for (const v1::Effect& effect : scene.effects()) {
+    if (effect.has_elasticity()) return Integrator::kImplicit;
+  }
+  return Integrator::kExplicit;
+}
+
 void BuildConnectivity(Model* model) {
   const int n = model->particle_count();
   IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
@@ -217,6 +235,9 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   model->dt_s = 1.0 / NumberOf(scene, "rate_hz");
   model->stability_fraction = NumberOf(scene.integration(), "stability_fraction");
   model->max_substeps = static_cast<int>(NumberOf(scene.integration(), "max_substeps"));
+  model->integrator = IntegratorOf(scene);
+  model->tolerance = NumberOf(scene.integration(), "tolerance");
+  model->max_iterations = static_cast<int>(NumberOf(scene.integration(), "max_iterations"));
   model->seed =
       scene.has_seed() ? scene.seed() : static_cast<std::uint64_t>(NumberOf(scene, "seed"));
   for (int i = 0; i < scene.bodies_size(); ++i) {

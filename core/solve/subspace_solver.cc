@@ -72,7 +72,7 @@ void SubspaceSolver::MakeParts() {
   part_grain_ = 1 + static_cast<int>(parts_.size() * std::size_t{kGrain} / (1 + per_kg_.size()));
 }
 
-void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool_twist) {
+void SubspaceSolver::FormGroups(const State& state, std::span<const Twist> tool_twist) {
   groups_.clear();
   for (int z = 0; z < static_cast<int>(state.contacts.zones.size()); ++z) {
     const int tool = state.contacts.zones[z].tool;
@@ -84,7 +84,7 @@ void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool
 
 void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   for (std::size_t t = 0; t < old_twist_.size(); ++t) old_twist_[t] = state->tools[t].twist;
-  BuildGroups(*state, old_twist_);
+  FormGroups(*state, old_twist_);
   for (int p = 0; p < model_.particle_count(); ++p) {
     free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
   }
@@ -103,14 +103,12 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
 }
 
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
-                         std::span<const Twist> tool_twist, double dt_s, Parallel* parallel,
-                         StepReport* report) {
+                         double dt_s, Parallel* parallel, StepReport* report) {
   parallel->VectorFor(model_.particle_count(), kGrain, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);
     for (int i = 3 * begin; i < 3 * end; ++i) free[i] = v[i] + (dt_s * per_kg[i]) * f[i];
   });
-  BuildGroups(state, tool_twist);
   ProjectGroups(state);
   if (rows_ > 0) {
     CollectRows(state);

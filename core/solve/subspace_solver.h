@@ -29,9 +29,11 @@ class SubspaceSolver {
   // Adds to each tool [#tools] the impulse of the tissue on it, about its tip.
   void Capture(State* state, std::span<Wrench> tool_impulse);
 
-  // Tries a sub-step of `dt_s` under `force_n` [#particles]; `tool_twist` [#tools] about the tips.
-  void Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,
-           double dt_s, Parallel* parallel, StepReport* report);
+  // Forms the zones' groups: before a trial; `tool_twist` [#tools] about the tips.
+  void FormGroups(const State& state, std::span<const Twist> tool_twist);
+  // Tries a sub-step of `dt_s` under `force_n` [#particles].
+  void Try(const State& state, std::span<const Vec3> force_n, double dt_s, Parallel* parallel,
+           StepReport* report);
   // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
   // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }
@@ -73,7 +75,6 @@ class SubspaceSolver {
     std::int32_t first, count, row;
   };
   void MakeParts();
-  void BuildGroups(const State& state, std::span<const Twist> tool_twist);
   void StoreMomenta(State* state) const;
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
