@@ -95,13 +95,15 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
       if ((bond.tool >= 0) != tools || bond.sliding) continue;
+      const bool whole = tools || bond.calm == kAcrossPatches;
       const int anchor = tools                 ? ToolNode(bond.tool)
                          : bond.holds_particle ? bond.particle
                                                : bond.partner;
-      if (bond.holds_particle && bond.holds_partner && InOnePatch(bond.particle, bond.partner))
+      if (bond.holds_particle && bond.holds_partner &&
+          (whole || InOnePatch(bond.particle, bond.partner)))
         Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
-        if (v < 0 || (!tools && !InOnePatch(anchor, v))) continue;
+        if (v < 0 || !(whole || InOnePatch(anchor, v))) continue;
         if (Unite(anchor, v)) {
           member_[v] = 1;
         } else {
