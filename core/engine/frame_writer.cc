@@ -5,7 +5,7 @@
 namespace adhesim {
 
 FrameWriter::FrameWriter(const Model& model, std::span<const std::unique_ptr<Effect>> effects)
-    : model_(model), collides_(model.rest_position_m.size()) {
+    : model_(model), contact_frames_(model), collides_(model.rest_position_m.size()) {
   for (const auto& effect : effects) {
     if (effect->force_kinds() & kElastic) elastic_.push_back(effect.get());
   }
@@ -20,6 +20,7 @@ Frame FrameWriter::Make() const {
   frame.zones.reserve(particles);
   frame.tools.resize(model_.tools.size());
   frame.contact_forces.reserve(particles);
+  if (model_.adhesive) frame.contacts.reserve(ContactFrames::Capacity(model_));
   frame.strain_energy_j.resize(energy_j_.size());
   return frame;
 }
@@ -40,6 +41,7 @@ void FrameWriter::Write(const State& state, Frame* frame) const {
     frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
   }
   frame->contact_forces.clear();
+  frame->contacts.clear();
   std::fill(frame->strain_energy_j.begin(), frame->strain_energy_j.end(), 0.0f);
   WriteTools(state, frame);
 }
@@ -81,6 +83,7 @@ void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
   for (const Effect* effect : elastic_) effect->AddEnergies(energy_j_);
   std::copy(energy_j_.begin(), energy_j_.end(), frame->strain_energy_j.begin());
 
+  if (model_.adhesive) contact_frames_.Write(state, load_n, &frame->contacts);
   // A fixed particle's load, and a rigid body's, is not of the contact alone.
   const auto mark = [this](int p) {
     if (!model_.fixed[p] && !model_.bodies[model_.body_of[p]].rigid) collides_[p] = 1;

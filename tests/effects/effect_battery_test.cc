@@ -5,6 +5,7 @@
 #include "core/contact/detector.h"
 #include "core/effects/registry.h"
 #include "tests/support/engine_fixture.h"
+#include "tests/support/tet_block.h"
 
 namespace adhesim::test {
 namespace {
@@ -13,8 +14,9 @@ namespace {
 // a line here fails the battery: write one.
 struct Sample {
   const char* name;
-  const char* message;   // YAML of the effect
-  bool contact = false;  // acts between two bodies: a second ball comes and touches the first
+  const char* message;      // YAML of the effect
+  bool contact = false;     // acts between two bodies: a second ball comes and touches the first
+  bool tetrahedra = false;  // acts inside bodies: a block of tetrahedra instead of the ball
 
   friend void PrintTo(const Sample& sample, std::ostream* out) { *out << sample.message; }
 };
@@ -37,6 +39,9 @@ constexpr Sample kSamples[] = {
      "contact_stiffness_n_m: 70}",
      true},
     {"muscle", "muscle: {direction: [0, 0, 2], max_force_n: 2}"},
+    {"elasticity",
+     "elasticity: {young_modulus_pa: 50, poisson_ratio: 0.3, stiffness_damping_s: 0.01}", false,
+     true},
 };
 
 // The second ball is 0.25 m from the first, further than any sample reaches.
@@ -51,10 +56,22 @@ std::string SceneOf(const Sample& sample) {
          std::string(sample.contact ? kOtherBall : "") + "effects:\n  - " + sample.message + "\n";
 }
 
+// The effects of a sample on a block of 0.5 m that moves and turns.
+std::shared_ptr<const Model> BlockOf(const Sample& sample) {
+  const auto model = ModelOf(TetBlock{.cells = {5, 5, 5}, .size_m = {0.5, 0.5, 0.5}});
+  for (int p = 0; p < model->particle_count(); ++p) {
+    model->initial_velocity_m_s[p] =
+        Vec3(0.1, 0.2, 0.3) + Vec3(0.5, -1, 0.7).cross(model->rest_position_m[p]);
+  }
+  *model->scene.mutable_effects() =
+      WithDefaults(ParseScene(SceneOf(sample), "", "").scene).effects();
+  return model;
+}
+
 class EffectBattery : public testing::TestWithParam<Sample> {
  protected:
   void SetUp() override {
-    model_ = ModelOf(SceneOf(GetParam()));
+    model_ = GetParam().tetrahedra ? BlockOf(GetParam()) : ModelOf(SceneOf(GetParam()));
     auto effect = MakeEffect(*model_, model_->scene.effects(0));
     ASSERT_TRUE(effect.ok()) << effect.status();
     effect_ = *std::move(effect);

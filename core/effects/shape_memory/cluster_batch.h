@@ -4,24 +4,11 @@
 #include <span>
 #include <vector>
 
+#include "core/model/lanes.h"
 #include "core/model/model.h"
 #include "core/model/simd.h"
 
 namespace adhesim {
-
-// Clusters side by side, one a SIMD lane: as many as the registers hold run through the same
-// arithmetic at once (eight with AVX-512, four with AVX2, whose sixteen registers eight would
-// spill, three times slower). There are no sums across lanes and no fused multiply-adds, so that
-// every instruction set gives the same bits.
-inline constexpr int kLanes = 8;
-
-// One number a lane.
-struct alignas(sizeof(double) * kLanes) Lanes {
-  double v[kLanes] = {};
-};
-struct Lanes3 {
-  Lanes x, y, z;
-};
 
 // Clusters of about the same size. Lanes without a cluster repeat the first with weight zero,
 // and so do the missing members of the smaller clusters.

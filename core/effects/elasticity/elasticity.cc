@@ -1,0 +1,328 @@
+#include "core/effects/elasticity/elasticity.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "core/effects/registry.h"
+#include "core/model/polar.h"
+
+namespace adhesim {
+namespace {
+
+constexpr int kBatchGrain = 64;  // batches: about 15 us of work
+constexpr int kParticleGrain = 512;
+constexpr int kEdgeGrain = 1024;
+
+Vec3 LaneOf(const Lanes3& lanes, int lane) {
+  return {lanes.x.v[lane], lanes.y.v[lane], lanes.z.v[lane]};
+}
+
+void SetLane(const Vec3& v, int lane, Lanes3* lanes) {
+  lanes->x.v[lane] = v.x();
+  lanes->y.v[lane] = v.y();
+  lanes->z.v[lane] = v.z();
+}
+
+// The gradients of the corners' shape functions.
+std::array<Vec3, 4> GradientsOf(const TetBatch& batch, int lane) {
+  std::array<Vec3, 4> b;
+  for (int a = 0; a < 3; ++a) b[a + 1] = LaneOf(batch.gradient_1_m[a], lane);
+  b[0] = -(b[1] + b[2] + b[3]);
+  return b;
+}
+
+// Largest singular value of lambda p q^T + mu (q p^T + (p . q) I). In the plane of p and q, whose
+// bisectors are its axes, this is a matrix (a b; -b d); across it, mu p . q.
+double BlockNorm(const Vec3& p, const Vec3& q, double lambda, double mu) {
+  const double size = p.norm() * q.norm();
+  if (!(size > 0)) return 0;
+  const double cosine = std::clamp(p.dot(q) / size, -1.0, 1.0);
+  const double a = (lambda + mu) * (1 + cosine) / 2 + mu * cosine;
+  const double d = -(lambda + mu) * (1 - cosine) / 2 + mu * cosine;
+  const double b = (mu - lambda) * std::sqrt(1 - cosine * cosine) / 2;
+  const double sum = a * a + d * d + 2 * b * b;
+  const double difference = std::hypot(a * a - d * d, 2 * b * (a - d));
+  return size * std::max(mu * std::abs(cosine), std::sqrt((sum + difference) / 2));
+}
+
+}  // namespace
+
+ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& message)
+    : damping_s_(message.stiffness_damping_s()) {
+  std::vector<std::int32_t> tetrahedra;
+  for (const int b : SelectBodies(model, message.bodies(), [](const Body& body) {
+         return !body.rigid && !body.all_fixed;
+       })) {
+    const Body& body = model.bodies[b];
+    for (int t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+      const Tetrahedron& tet = model.tetrahedra[t];
+      const bool moves =
+          std::any_of(tet.begin(), tet.end(), [&](std::int32_t p) { return !model.fixed[p]; });
+      if (moves && model.fill[t] > 0) tetrahedra.push_back(t);
+    }
+  }
+  tet_count_ = static_cast<int>(tetrahedra.size());
+  MakeBatches(model, message, tetrahedra);
+  FindEdges();
+  ListCorners();
+  energy_j_.resize(batch_.size());
+  elastic_n_.resize(4 * tet_count_);
+  if (damping_s_ > 0) damping_n_.resize(4 * tet_count_);
+}
+
+void ElasticityEffect::MakeBatches(const Model& model, const v1::Elasticity& message,
+                                   std::span<const std::int32_t> tetrahedra) {
+  const double young = message.young_modulus_pa(), poisson = message.poisson_ratio();
+  batch_.resize((tet_count_ + kLanes - 1) / kLanes);
+  for (int k = 0; k < static_cast<int>(batch_.size()) * kLanes; ++k) {
+    TetBatch& batch = batch_[k / kLanes];
+    const int lane = k % kLanes;
+    const bool idle = k >= tet_count_;
+    const std::int32_t t = tetrahedra[idle ? k - lane : k];
+    Tetrahedron tet = model.tetrahedra[t];
+    std::sort(tet.begin(), tet.end());
+    Mat3 sides;
+    for (int a = 0; a < 3; ++a) {
+      sides.col(a) = model.rest_position_m[tet[a + 1]] - model.rest_position_m[tet[0]];
+    }
+    const Mat3 inverse = sides.inverse();
+    for (int a = 0; a < 4; ++a) batch.particle[a][lane] = tet[a];
+    for (int a = 0; a < 3; ++a) SetLane(inverse.row(a), lane, &batch.gradient_1_m[a]);
+    const double volume_m3 = idle ? 0 : std::abs(sides.determinant()) / 6 * model.fill[t];
+    batch.shear_j.v[lane] = volume_m3 * young / (2 * (1 + poisson));
+    batch.lame_j.v[lane] = volume_m3 * young * poisson / ((1 + poisson) * (1 - 2 * poisson));
+  }
+}
+
+void ElasticityEffect::FindEdges() {
+  static constexpr int kPairs[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+  const auto before = [](const Edge& a, const Edge& b) {
+    return std::pair(a.low, a.high) < std::pair(b.low, b.high);
+  };
+  const auto edge_of = [&](const TetBatch& batch, int pair, int lane) {
+    return Edge{batch.particle[kPairs[pair][0]][lane], batch.particle[kPairs[pair][1]][lane]};
+  };
+  for (const TetBatch& batch : batch_) {
+    for (int pair = 0; pair < 6; ++pair) {
+      for (int lane = 0; lane < kLanes; ++lane) edge_.push_back(edge_of(batch, pair, lane));
+    }
+  }
+  std::sort(edge_.begin(), edge_.end(), before);
+  edge_.erase(
+      std::unique(edge_.begin(), edge_.end(),
+                  [](const Edge& a, const Edge& b) { return a.low == b.low && a.high == b.high; }),
+      edge_.end());
+  edge_.shrink_to_fit();
+  for (TetBatch& batch : batch_) {
+    batch.first_edge = static_cast<int>(edge_.size());
+    for (int pair = 0; pair < 6; ++pair) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const auto at =
+            std::lower_bound(edge_.begin(), edge_.end(), edge_of(batch, pair, lane), before);
+        const auto e = static_cast<std::int32_t>(at - edge_.begin());
+        batch.edge[pair][lane] = e;
+        batch.first_edge = std::min(batch.first_edge, e);
+        batch.end_edge = std::max(batch.end_edge, e + 1);
+      }
+    }
+  }
+}
+
+void ElasticityEffect::ListCorners() {
+  std::vector<std::pair<std::int32_t, std::int32_t>> corners;  // (particle, corner)
+  for (int t = 0; t < tet_count_; ++t) {
+    for (int a = 0; a < 4; ++a) {
+      corners.emplace_back(batch_[t / kLanes].particle[a][t % kLanes], 4 * t + a);
+    }
+  }
+  std::sort(corners.begin(), corners.end());
+  for (const auto& [particle, corner] : corners) {
+    if (particle_.empty() || particle_.back() != particle) {
+      particle_.push_back(particle);
+      corner_start_.push_back(static_cast<std::int32_t>(corner_.size()));
+    }
+    corner_.push_back(corner);
+  }
+  corner_start_.push_back(static_cast<std::int32_t>(corner_.size()));
+}
+
+void ElasticityEffect::InitialState(std::span<double> state) const {
+  for (std::size_t k = 0; k < state.size(); ++k) state[k] = (k / kLanes) % 4 == 3 ? 1 : 0;
+}
+
+// Gershgorin: no eigenvalue of M^-1 K exceeds the largest sum of a row's block norms over its mass.
+// Those of a sum of tetrahedra are at most the sums of theirs, and turning one changes none. Of the
+// state at rest: strain of the order of 1 can exceed it.
+void ElasticityEffect::AddBounds(std::span<double> stiffness_n_m,
+                                 std::span<double> damping_n_s_m) const {
+  for (int t = 0; t < tet_count_; ++t) {
+    const TetBatch& batch = batch_[t / kLanes];
+    const int lane = t % kLanes;
+    const std::array<Vec3, 4> b = GradientsOf(batch, lane);
+    for (int i = 0; i < 4; ++i) {
+      double row_n_m = 0;
+      for (int j = 0; j < 4; ++j) {
+        row_n_m += BlockNorm(b[i], b[j], batch.lame_j.v[lane], batch.shear_j.v[lane]);
+      }
+      stiffness_n_m[batch.particle[i][lane]] += row_n_m;
+      damping_n_s_m[batch.particle[i][lane]] += damping_s_ * row_n_m;
+    }
+  }
+}
+
+double ElasticityEffect::AddForces(const ForceInput& in, const ForceOutput& out) const {
+  const bool damped = damping_s_ > 0;
+  const bool alone = in.parallel->threads() == 1;
+  in.parallel->For(static_cast<int>(batch_.size()), kBatchGrain, [&](int begin, int end) {
+    TetForces forces;
+    for (int b = begin; b < end; ++b) {
+      EvaluateBatch(b, in, &forces);
+      energy_j_[b] = forces.energy_j;
+      for (int lane = 0; lane < LanesOf(b); ++lane) {
+        for (int a = 0; a < 4; ++a) {
+          // One thread adds in the order in which several sum below: the same bits.
+          const int corner = 4 * (b * kLanes + lane) + a, p = batch_[b].particle[a][lane];
+          if (alone) {
+            out.elastic[p] += LaneOf(forces.elastic_n[a], lane);
+            if (damped) out.damping[p] += LaneOf(forces.damping_n[a], lane);
+          } else {
+            elastic_n_[corner] = LaneOf(forces.elastic_n[a], lane);
+            if (damped) damping_n_[corner] = LaneOf(forces.damping_n[a], lane);
+          }
+        }
+      }
+    }
+  });
+  if (!alone) {
+    in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, [&](int begin, int end) {
+      for (int k = begin; k < end; ++k) {
+        for (int c = corner_start_[k]; c < corner_start_[k + 1]; ++c) {
+          out.elastic[particle_[k]] += elastic_n_[corner_[c]];
+          if (damped) out.damping[particle_[k]] += damping_n_[corner_[c]];
+        }
+      }
+    });
+  }
+  Lanes sum;
+  for (const Lanes& energy : energy_j_) {
+    for (int lane = 0; lane < kLanes; ++lane) sum.v[lane] += energy.v[lane];
+  }
+  double total = 0;
+  for (const double energy : sum.v) total += energy;
+  return total;
+}
+
+void ElasticityEffect::EvaluateBatch(int b, const ForceInput& in, TetForces* forces) const {
+  const TetBatch& batch = batch_[b];
+  const Simd simd = in.parallel->simd();
+  double* stored = &in.effect_state[4 * kLanes * b];
+  TetRotations rotation;
+  std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
+  const unsigned failed = CorotationalForces(simd, batch, in.position_m, rotation, forces);
+  if (failed != 0) {
+    // Inverted, flat or tumbling: start afresh where the maximum is, and go on from there.
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (!(failed & (1u << lane))) continue;
+      const Quat guess =
+          Quat(rotation[3].v[lane], rotation[0].v[lane], rotation[1].v[lane], rotation[2].v[lane])
+              .normalized();
+      const Quat best = PolarRotation(DeformationGradient(batch, lane, in.position_m), guess);
+      for (int k = 0; k < 4; ++k) rotation[k].v[lane] = best.coeffs()(k);
+    }
+    CorotationalForces(simd, batch, in.position_m, rotation, forces);
+  }
+  std::memcpy(stored, rotation, sizeof(rotation));
+  if (damping_s_ > 0) {
+    DampingForces(simd, batch, in.position_m, in.velocity_m_s, damping_s_, forces);
+  }
+}
+
+// A tetrahedron's energy belongs to its corners in equal parts.
+void ElasticityEffect::AddEnergies(std::span<double> energy_j) const {
+  for (int t = 0; t < tet_count_; ++t) {
+    for (int a = 0; a < 4; ++a) {
+      energy_j[batch_[t / kLanes].particle[a][t % kLanes]] +=
+          0.25 * energy_j_[t / kLanes].v[t % kLanes];
+    }
+  }
+}
+
+void ElasticityEffect::AddPairs(BlockMatrix::Pattern* pattern) const {
+  for (const Edge& edge : edge_) pattern->Add(edge.low, edge.high);
+}
+
+void ElasticityEffect::UseMatrix(const BlockMatrix& matrix) {
+  edge_block_n_m_.resize(edge_.size());
+  std::vector<std::vector<RowEntry>> rows(particle_.size());
+  const auto row_of = [&](std::int32_t particle) -> std::vector<RowEntry>& {
+    return rows[std::lower_bound(particle_.begin(), particle_.end(), particle) - particle_.begin()];
+  };
+  // Edges ascend by their lower end: a row gets its lower neighbours first, then the higher ones.
+  for (std::int32_t e = 0; e < static_cast<std::int32_t>(edge_.size()); ++e) {
+    const auto [low, high] = edge_[e];
+    row_of(low).push_back({e, matrix.Slot(low, high), false});
+    row_of(high).push_back({e, matrix.Slot(high, low), true});
+  }
+  row_start_.assign(1, 0);
+  row_entry_.clear();
+  diagonal_slot_.clear();
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    row_entry_.insert(row_entry_.end(), rows[k].begin(), rows[k].end());
+    row_start_.push_back(static_cast<std::int32_t>(row_entry_.size()));
+    diagonal_slot_.push_back(matrix.Slot(particle_[k], particle_[k]));
+  }
+}
+
+void ElasticityEffect::AddStiffness(const ForceInput& in, double stiffness_scale,
+                                    double damping_scale, BlockMatrix* matrix) const {
+  in.parallel->For(static_cast<int>(edge_.size()), kEdgeGrain, [&](int begin, int end) {
+    SumBlocks(in, stiffness_scale, damping_scale, begin, end);
+  });
+  in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      Mat3 diagonal = Mat3::Zero();  // minus the sum of the row's other blocks
+      for (int r = row_start_[k]; r < row_start_[k + 1]; ++r) {
+        const Mat3& block = edge_block_n_m_[row_entry_[r].edge];
+        if (row_entry_[r].transposed) {
+          matrix->Add(row_entry_[r].slot, block.transpose());
+          diagonal -= block.transpose();
+        } else {
+          matrix->Add(row_entry_[r].slot, block);
+          diagonal -= block;
+        }
+      }
+      matrix->Add(diagonal_slot_[k], diagonal);
+    }
+  });
+}
+
+// Each thread evaluates every batch that has one of its edges: those of both neighbours are
+// evaluated twice, and no sum depends on where the threads' shares end.
+void ElasticityEffect::SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale,
+                                 int begin, int end) const {
+  std::fill(edge_block_n_m_.begin() + begin, edge_block_n_m_.begin() + end, Mat3::Zero());
+  TetBlocks blocks;
+  for (int b = 0; b < static_cast<int>(batch_.size()); ++b) {
+    const TetBatch& batch = batch_[b];
+    if (batch.end_edge <= begin || batch.first_edge >= end) continue;
+    TetRotations rotation;
+    std::memcpy(static_cast<void*>(rotation), &in.effect_state[4 * kLanes * b], sizeof(rotation));
+    CorotationalStiffness(in.parallel->simd(), batch, in.position_m, stiffness_scale, rotation,
+                          &blocks);
+    if (damping_s_ > 0 && damping_scale != 0) {
+      AddDampingStiffness(in.parallel->simd(), batch, in.position_m, damping_scale * damping_s_,
+                          &blocks);
+    }
+    for (int lane = 0; lane < LanesOf(b); ++lane) {
+      for (int pair = 0; pair < 6; ++pair) {
+        const std::int32_t e = batch.edge[pair][lane];
+        if (e < begin || e >= end) continue;
+        double* entry = edge_block_n_m_[e].data();
+        for (int k = 0; k < 9; ++k) entry[k] += blocks.entry[pair][k].v[lane];
+      }
+    }
+  }
+}
+
+}  // namespace adhesim

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/model/lanes.h"
+#include "core/model/simd.h"
+
+namespace adhesim {
+
+// Eight tetrahedra, one a lane. Corners ascend by particle. Lanes without a tetrahedron repeat the
+// first with a volume of zero.
+struct TetBatch {
+  std::int32_t particle[4][kLanes] = {};
+  Lanes3 gradient_1_m[3];  // b_1, b_2, b_3: gradients of the corners' shape functions at rest; b_0
+                           // is minus their sum
+  Lanes shear_j;           // mu V, V the volume at rest times its filled part
+  Lanes lame_j;            // lambda V
+  std::int32_t edge[6][kLanes] = {};          // of the pairs of corners 01, 02, 03, 12, 13, 23
+  std::int32_t first_edge = 0, end_edge = 0;  // all of them are in [first, end)
+};
+
+// What the tetrahedra of a batch exert on their corners.
+struct TetForces {
+  Lanes3 elastic_n[4];
+  Lanes3 damping_n[4];
+  Lanes energy_j;
+};
+
+// Blocks K_ij [N/m] of the pairs of corners, in the order of TetBatch::edge: 3 x 3, column by
+// column.
+struct TetBlocks {
+  Lanes entry[6][9];
+};
+
+// Rotations of the tetrahedra as quaternions x, y, z, w.
+using TetRotations = Lanes[4];
+
+// Elastic forces and energy of the corotational law (README.md); `rotation` holds the polar
+// rotations, before the call a guess. Returns the lanes (bits) where they could not be found: the
+// caller finds them and calls again.
+unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                            TetRotations rotation, TetForces* out);
+// Its stiffness, times `scale`; `rotation` is a guess, and stays as it is.
+void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                           double scale, const TetRotations& rotation, TetBlocks* out);
+
+// Forces of Kelvin-Voigt damping of relaxation time `damping_s`, whatever the law.
+void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                   std::span<const Vec3> velocity_m_s, double damping_s, TetForces* out);
+// Adds their derivative in the velocities, negated, times `scale`.
+void AddDampingStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                         double scale, TetBlocks* out);
+
+// dx/dX of one lane.
+Mat3 DeformationGradient(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
+
+}  // namespace adhesim

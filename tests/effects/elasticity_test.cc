@@ -1,0 +1,311 @@
+#include "core/effects/elasticity/elasticity.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <random>
+
+#include "tests/support/count_allocations.h"
+#include "tests/support/tet_block.h"
+
+namespace adhesim::test {
+namespace {
+
+// A block with its effect, and the positions and velocities at which it is evaluated.
+struct Tissue {
+  explicit Tissue(std::shared_ptr<Model> made)
+      : model(std::move(made)), effect(*model, model->scene.effects(0).elasticity()) {
+    x = model->rest_position_m;
+    v.assign(x.size(), Vec3::Zero());
+    state.resize(effect.state_size());
+    effect.InitialState(state);
+    for (auto& f : force) f.assign(x.size(), Vec3::Zero());
+  }
+  explicit Tissue(const TetBlock& block) : Tissue(ModelOf(block)) {}
+
+  ForceInput Input(Parallel* parallel) { return {x, v, 0, state, parallel, {}}; }
+  double Evaluate() {
+    for (auto& f : force) std::fill(f.begin(), f.end(), Vec3::Zero());
+    return effect.AddForces(Input(&one), {force[0], force[1], force[2], force[3]});
+  }
+  BlockMatrix Matrix() {
+    BlockMatrix::Pattern pattern;
+    effect.AddPairs(&pattern);
+    BlockMatrix matrix(model->particle_count(), std::move(pattern));
+    effect.UseMatrix(matrix);
+    return matrix;
+  }
+  // scale_k K + scale_d D, dense.
+  Eigen::MatrixXd Stiffness(double scale_k, double scale_d) {
+    BlockMatrix matrix = Matrix();
+    effect.AddStiffness(Input(&one), scale_k, scale_d, &matrix);
+    const int n = model->particle_count();
+    Eigen::MatrixXd dense(3 * n, 3 * n);
+    std::vector<Vec3> unit(n, Vec3::Zero()), column(n);
+    for (int c = 0; c < 3 * n; ++c) {
+      unit[c / 3](c % 3) = 1;
+      matrix.Multiply(unit, column);
+      unit[c / 3](c % 3) = 0;
+      for (int r = 0; r < n; ++r) dense.block<3, 1>(3 * r, c) = column[r];
+    }
+    return dense;
+  }
+  void Strew(double amount, std::vector<Vec3>* what) {
+    std::uniform_real_distribution<double> uniform(-amount, amount);
+    for (Vec3& at : *what) at += Vec3(uniform(random), uniform(random), uniform(random));
+  }
+  void Map(const Mat3& f, const Vec3& shift = Vec3::Zero()) {
+    for (Vec3& at : x) at = f * at + shift;
+  }
+
+  std::shared_ptr<Model> model;
+  ElasticityEffect effect;
+  std::vector<Vec3> x, v;
+  std::vector<double> state;
+  std::array<std::vector<Vec3>, kForceKinds> force;
+  Parallel one{1};
+  std::mt19937 random{5};
+};
+
+Vec3 Sum(const std::vector<Vec3>& f) {
+  Vec3 sum = Vec3::Zero();
+  for (const Vec3& g : f) sum += g;
+  return sum;
+}
+double Size(const std::vector<Vec3>& f) {
+  double sum = 0;
+  for (const Vec3& g : f) sum += g.norm();
+  return sum;
+}
+Eigen::VectorXd Flat(const std::vector<Vec3>& f) {
+  return Eigen::Map<const Eigen::VectorXd>(f[0].data(), 3 * static_cast<int>(f.size()));
+}
+
+TetBlock Block(double damping_s = 0) {
+  return {.cells = {3, 2, 2},
+          .size_m = {0.3, 0.2, 0.2},
+          .jitter = 0.2,
+          .stiffness_damping_s = damping_s};
+}
+const Mat3 kTurn = Quat(0.2, -0.7, 0.4, 0.5).normalized().toRotationMatrix();
+
+TEST(Elasticity, NothingAtRestHoweverTurned) {
+  Tissue tissue(Block());
+  EXPECT_LT(tissue.Evaluate(), 1e-25);
+  tissue.Map(kTurn, Vec3(3, -2, 1));
+  const double energy = tissue.Evaluate();
+  EXPECT_GE(energy, 0);
+  // Strain of round-off at 4 m over 0.1 m, 1e-14, and 1 kPa over areas of 0.01 m^2 at 36 particles.
+  EXPECT_LT(energy, 1e-25);
+  EXPECT_LT(Size(tissue.force[0]), 1e-11);
+}
+
+TEST(Elasticity, ForceIsMinusTheGradientOfTheEnergy) {
+  Tissue tissue(Block());
+  tissue.Strew(0.02, &tissue.x);
+  EXPECT_GT(tissue.Evaluate(), 0);
+  const std::vector<Vec3> force = tissue.force[0];
+  const double h = 1e-6;
+  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+    for (int k = 0; k < 3; ++k) {
+      tissue.x[p](k) += h;
+      const double up = tissue.Evaluate();
+      tissue.x[p](k) -= 2 * h;
+      const double down = tissue.Evaluate();
+      tissue.x[p](k) += h;
+      // Central differences: round-off 1e-16 * 1 J / 1e-6 m, and h^2 E''' / 6 with E''' = 1 kPa.
+      EXPECT_NEAR(force[p](k), -(up - down) / (2 * h), 1e-8) << p << " " << k;
+    }
+  }
+}
+
+TEST(Elasticity, ForcesFollowARotation) {
+  Tissue tissue(Block(0.01));
+  tissue.Strew(0.02, &tissue.x);
+  tissue.Strew(1, &tissue.v);
+  const double energy = tissue.Evaluate();
+  const auto force = tissue.force;
+  tissue.Map(kTurn, Vec3(0.3, -0.2, 0.1));
+  for (Vec3& v : tissue.v) v = kTurn * v + Vec3(1, 2, 3);
+  EXPECT_NEAR(tissue.Evaluate(), energy, 1e-10 * energy);
+  for (int kind : {0, 1}) {
+    for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+      EXPECT_LT((tissue.force[kind][p] - kTurn * force[kind][p]).norm(), 1e-10 * Size(force[kind]));
+    }
+  }
+}
+
+TEST(Elasticity, ForcesAndTorquesSumToNothing) {
+  Tissue tissue(Block(0.01));
+  tissue.Strew(0.03, &tissue.x);
+  tissue.Strew(1, &tissue.v);
+  tissue.Evaluate();
+  for (int kind : {0, 1}) {
+    const std::vector<Vec3>& f = tissue.force[kind];
+    Vec3 torque = Vec3::Zero();
+    for (std::size_t p = 0; p < f.size(); ++p) torque += tissue.x[p].cross(f[p]);
+    EXPECT_LT(Sum(f).norm(), 1e-12 * Size(f));
+    EXPECT_LT(torque.norm(), 1e-12 * Size(f) * 0.4);  // arms of at most 0.4 m
+  }
+}
+
+// Relative asymmetry, smallest eigenvalue over the largest, and largest sum of a row's blocks.
+void ExpectSymmetricPositive(const Eigen::MatrixXd& k) {
+  const double size = k.cwiseAbs().maxCoeff();
+  EXPECT_LT((k - k.transpose()).cwiseAbs().maxCoeff(), 1e-13 * size);
+  const Eigen::VectorXd eigenvalues =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(k, Eigen::EigenvaluesOnly).eigenvalues();
+  EXPECT_GT(eigenvalues.minCoeff(), -1e-13 * eigenvalues.maxCoeff());
+  Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(k.rows(), 3);
+  for (int c = 0; c < k.cols(); ++c) sums.col(c % 3) += k.col(c);
+  EXPECT_LT(sums.cwiseAbs().maxCoeff(), 1e-13 * size);
+}
+
+TEST(Elasticity, StiffnessIsSymmetricPositiveWithRowsThatSumToNothing) {
+  Tissue tissue(Block(0.01));
+  for (const double amount : {0.0, 0.02, 0.2}) {  // the last one turns tetrahedra inside out
+    tissue.Strew(amount, &tissue.x);
+    tissue.Evaluate();
+    ExpectSymmetricPositive(tissue.Stiffness(1, 0));
+    ExpectSymmetricPositive(tissue.Stiffness(0, 1));
+  }
+}
+
+// Derivative of force `kind` by `what` along `direction`, by central differences.
+Eigen::VectorXd Derivative(Tissue* tissue, int kind, std::vector<Vec3>* what,
+                           const std::vector<Vec3>& direction, double h) {
+  const std::vector<Vec3> at = *what;
+  const auto shifted = [&](double by) {
+    for (std::size_t p = 0; p < at.size(); ++p) (*what)[p] = at[p] + by * direction[p];
+    tissue->Evaluate();
+    return Flat(tissue->force[kind]);
+  };
+  const Eigen::VectorXd up = shifted(h), down = shifted(-h);
+  *what = at;
+  tissue->Evaluate();
+  return (up - down) / (2 * h);
+}
+
+TEST(Elasticity, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
+  Tissue tissue(Block());
+  tissue.Map(kTurn);
+  tissue.Evaluate();
+  const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
+  std::vector<Vec3> d(tissue.x.size(), Vec3::Zero());
+  tissue.Strew(1, &d);
+  const Eigen::VectorXd derivative = Derivative(&tissue, 0, &tissue.x, d, 1e-6);
+  // Differences err by h^2 and by round-off 1e-15 / h, relative.
+  EXPECT_LT((k * Flat(d) + derivative).norm(), 1e-8 * derivative.norm());
+}
+
+TEST(Elasticity, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
+  Tissue tissue(Block());
+  const double strain = 0.01;
+  tissue.Map(kTurn * Vec3(1 + strain, 1 - strain / 2, 1).asDiagonal());
+  tissue.Evaluate();
+  const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
+  std::vector<Vec3> d(tissue.x.size(), Vec3::Zero());
+  tissue.Strew(1, &d);
+  const Eigen::VectorXd derivative = Derivative(&tissue, 0, &tissue.x, d, 1e-6);
+  // What is left out is the stress times the turning: of the order of the strain, 1 %.
+  EXPECT_LT((k * Flat(d) + derivative).norm(), 2 * strain * derivative.norm());
+}
+
+TEST(Elasticity, DampingMatrixIsTheDerivativeOfTheDampingForce) {
+  Tissue tissue(Block(0.01));
+  tissue.Strew(0.02, &tissue.x);
+  tissue.Strew(1, &tissue.v);
+  tissue.Evaluate();
+  const Eigen::MatrixXd d = tissue.Stiffness(0, 1);
+  // Damping is linear in velocity: differences of any size are exact but for round-off.
+  EXPECT_LT((d * Flat(tissue.v) + Flat(tissue.force[1])).norm(), 1e-13 * Size(tissue.force[1]));
+  EXPECT_LT(Flat(tissue.v).dot(Flat(tissue.force[1])), 0);
+}
+
+TEST(Elasticity, DampingAtRestIsRayleighs) {
+  Tissue tissue(Block(0.01));
+  const Eigen::MatrixXd k = tissue.Stiffness(1, 0), d = tissue.Stiffness(0, 1);
+  EXPECT_LT((d - 0.01 * k).norm(), 1e-14 * k.norm());  // the same sums, with F for R
+}
+
+TEST(Elasticity, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
+  for (const double poisson : {0.0, 0.3, 0.45}) {
+    TetBlock block = Block();
+    block.poisson_ratio = poisson;
+    Tissue tissue(block);
+    std::vector<double> stiffness(tissue.x.size(), 0), damping(stiffness);
+    tissue.effect.AddBounds(stiffness, damping);
+    double bound = 0;
+    Eigen::MatrixXd scaled = tissue.Stiffness(1, 0);
+    for (std::size_t p = 0; p < stiffness.size(); ++p) {
+      bound = std::max(bound, stiffness[p] / tissue.model->mass_kg[p]);
+      const double root = 1 / std::sqrt(tissue.model->mass_kg[p]);
+      scaled.middleRows<3>(3 * p) *= root;
+      scaled.middleCols<3>(3 * p) *= root;
+    }
+    const double largest =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled, Eigen::EigenvaluesOnly)
+            .eigenvalues()
+            .maxCoeff();
+    EXPECT_GE(bound, largest) << poisson;
+    EXPECT_LE(bound, 3 * largest) << poisson;  // what Gershgorin's circles lose
+  }
+}
+
+TEST(Elasticity, ThreadsAndInstructionSetsDoNotChangeABit) {
+  TetBlock block = Block(0.01);
+  block.cells = {16, 9, 9};  // enough to be split among threads
+  Tissue tissue(block);
+  tissue.Strew(0.02, &tissue.x);
+  tissue.Strew(1, &tissue.v);
+  const std::vector<double> start = tissue.state;
+  BlockMatrix matrix = tissue.Matrix();
+  double energy = 0;
+  std::vector<double> state;
+  std::vector<Vec3> elastic, damping, product(tissue.x.size()), first_product;
+  for (const Simd simd : AvailableSimd()) {
+    for (const int threads : {1, 2, 3, 4}) {
+      Parallel parallel(threads, simd);
+      tissue.state = start;
+      for (auto& f : tissue.force) std::fill(f.begin(), f.end(), Vec3::Zero());
+      const double e = tissue.effect.AddForces(tissue.Input(&parallel),
+                                               {tissue.force[0], tissue.force[1], {}, {}});
+      matrix.SetZero();
+      tissue.effect.AddStiffness(tissue.Input(&parallel), 0.3, 0.7, &matrix);
+      matrix.Multiply(tissue.v, product);
+      if (elastic.empty()) {
+        energy = e;
+        state = tissue.state;
+        elastic = tissue.force[0];
+        damping = tissue.force[1];
+        first_product = product;
+      }
+      const auto where = testing::Message() << SimdName(simd) << ", " << threads << " threads";
+      EXPECT_EQ(e, energy) << where;
+      EXPECT_EQ(tissue.state, state) << where;
+      EXPECT_EQ(tissue.force[0], elastic) << where;
+      EXPECT_EQ(tissue.force[1], damping) << where;
+      EXPECT_EQ(product, first_product) << where;
+    }
+  }
+}
+
+TEST(Elasticity, AllocatesNothing) {
+  Tissue tissue(Block(0.01));
+  BlockMatrix matrix = tissue.Matrix();
+  tissue.Strew(0.2, &tissue.x);
+  Parallel two(2);
+  std::vector<double> share(tissue.x.size(), 0);
+  const long before = allocations;
+  for (Parallel* parallel : {&tissue.one, &two}) {
+    tissue.effect.AddForces(tissue.Input(parallel), {tissue.force[0], tissue.force[1], {}, {}});
+    tissue.effect.AddStiffness(tissue.Input(parallel), 1, 1, &matrix);
+    tissue.effect.AddEnergies(share);
+  }
+  EXPECT_EQ(allocations, before);
+}
+
+}  // namespace
+}  // namespace adhesim::test
