@@ -149,7 +149,8 @@ void Pipeline::DetectAndCapture(double dt_s) {
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
   near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
-  int changes = adhesive_->FollowSliding(near_, &state_.contacts);
+  int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
+  changes += adhesive_->FollowSliding(near_, &state_.contacts);
   changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
