@@ -67,6 +67,22 @@ void EncodeQ16(std::span<const float> position_m, v1::Frame* message) {
   }
 }
 
+void EncodeContact(const ContactFrame& contact, v1::ContactState* message) {
+  message->set_x_m(contact.point_m.x());
+  message->set_y_m(contact.point_m.y());
+  message->set_z_m(contact.point_m.z());
+  message->set_nx(contact.normal.x());
+  message->set_ny(contact.normal.y());
+  message->set_nz(contact.normal.z());
+  message->set_normal_force_n(contact.normal_force_n);
+  message->set_tangential_force_n(contact.tangential_force_n);
+  if (contact.zone >= 0) message->set_zone(contact.zone);
+  message->set_margin(contact.margin);
+  message->set_body(contact.body);
+  if (contact.other_body >= 0) message->set_other_body(contact.other_body);
+  if (contact.tool >= 0) message->set_tool(contact.tool);
+}
+
 }  // namespace
 
 void EncodePose(const Pose& pose, v1::Pose* message) {
@@ -87,6 +103,14 @@ void EncodeTool(const ToolFrame& tool, std::uint64_t target_jumps, v1::ToolState
   message->set_colliding_particles(tool.colliding_particles);
   message->set_contact_area_m2(tool.contact_area_m2);
   message->set_depth_m(tool.depth_m);
+  if (tool.force_error_n >= 0) {  // an implicit step
+    message->set_force_error_n(tool.force_error_n);
+    message->set_torque_error_nm(tool.torque_error_nm);
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column)
+        message->add_stiffness_n_m(tool.stiffness_n_m(row, column));
+    }
+  }
   message->set_speed_limited(tool.flags & kToolSpeedLimited);
   message->set_force_limited(tool.flags & kToolForceLimited);
   message->set_obstructed(tool.flags & kToolObstructed);
@@ -177,6 +201,11 @@ void EncodeFrame(const SessionFrame& frame, const FrameFormat& format, v1::Frame
   AssignBytes(from.contact_forces, message->mutable_contact_forces());
   message->mutable_strain_energy()->clear();
   if (format.strain_energy) AssignBytes(from.strain_energy_j, message->mutable_strain_energy());
+  message->clear_contacts();
+  if (format.contacts) {
+    for (const ContactFrame& contact : from.contacts)
+      EncodeContact(contact, message->add_contacts());
+  }
 }
 
 v1::RealtimeClass EncodeRealtimeClass(RealtimeClass realtime_class) {

@@ -22,6 +22,7 @@ void EncodeTopology(const Model& model, v1::Topology* message);
 struct FrameFormat {
   v1::PositionEncoding positions = v1::POSITION_ENCODING_FLOAT32;  // or Q16
   bool strain_energy = false;
+  bool contacts = false;
 
   auto operator<=>(const FrameFormat&) const = default;
 };

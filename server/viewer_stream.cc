@@ -37,6 +37,8 @@ absl::StatusOr<Hub::ViewerOptions> CheckStart(const v1::WatchStart& start) {
   for (int i = 0; i < start.fields_size(); ++i) {
     if (start.fields(i) == v1::FRAME_FIELD_STRAIN_ENERGY) {
       options.format.strain_energy = true;
+    } else if (start.fields(i) == v1::FRAME_FIELD_CONTACTS) {
+      options.format.contacts = true;
     } else if (start.fields(i) != v1::FRAME_FIELD_UNSPECIFIED) {
       violations.push_back({absl::StrCat("start.fields[", i, "]"),
                             absl::StrCat(static_cast<int>(start.fields(i)), " is not known")});

@@ -67,6 +67,8 @@ void Observe(const Engine& engine, const Frame& frame, bool sample, RunStatistic
   for (std::size_t i = 0; i < frame.tools.size(); ++i) {
     statistics->peak_force_n[i] =
         std::max(statistics->peak_force_n[i], frame.tools[i].tissue.force_n.norm());
+    statistics->force_error_n[i] =
+        std::max(statistics->force_error_n[i], frame.tools[i].force_error_n);
   }
   if (const std::optional<double> error = VolumeError(engine.model(), engine.state())) {
     statistics->volume_error_max = std::max(statistics->volume_error_max.value_or(0), *error);
@@ -99,6 +101,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
                           const std::atomic<bool>& stop) {
   RunStatistics statistics;
   statistics.peak_force_n.assign(engine->model().tools.size(), 0);
+  statistics.force_error_n.assign(engine->model().tools.size(), -1);
   SessionFrame seen = MakeSessionFrame(*engine);
   const clockid_t cpu_clock =
       options.one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_PROCESS_CPUTIME_ID;

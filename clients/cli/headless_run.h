@@ -36,7 +36,8 @@ struct RunStatistics {
   // Largest at the sampled instants, times the scale then: kg m/s and kg m^2/s. At rest both are
   // round-off.
   MomentumError momentum_imbalance;
-  std::vector<double> peak_force_n;  // [#tools]
+  std::vector<double> peak_force_n;   // [#tools]
+  std::vector<double> force_error_n;  // [#tools] largest error bar; < 0: it never had one
 };
 
 struct RunOptions {

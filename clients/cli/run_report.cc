@@ -32,7 +32,8 @@ std::vector<std::string> ReportNames(std::uint32_t bits) {
       {kStepSubstepLimit, "substep_limit"},
       {kStepZoneSplitForced, "zone_split_forced"},
       {kStepCandidateCapacity, "candidate_capacity"},
-      {kStepOverlap, "overlap"}};
+      {kStepOverlap, "overlap"},
+      {kStepNotConverged, "not_converged"}};
   std::vector<std::string> names;
   for (const auto& [bit, name] : kNames) {
     if (bits & bit) names.push_back(name);
@@ -65,6 +66,8 @@ Json ToolsJson(const Engine& engine, const RunStatistics& statistics) {
                      {"peak_force_n", statistics.peak_force_n[i]},
                      {"final_force_n", ToJson(tissue.force_n)},
                      {"final_torque_nm", ToJson(tissue.torque_nm)}});
+    if (const double error = statistics.force_error_n[i]; error >= 0)
+      tools.back()["force_error_n"] = error;
   }
   return tools;
 }
@@ -143,6 +146,7 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},
                  {"finite", !engine.frozen()}};
+  if (!model.tetrahedra.empty()) report["tetrahedra"] = model.tetrahedra.size();
   if (statistics.interrupted) report["interrupted"] = true;
   AddTimes(engine, options, statistics, &report);
   if (model.adhesive || !model.tools.empty()) {
@@ -187,7 +191,10 @@ std::string RunReportText(const Json& report) {
   if (report.contains("tools")) {
     for (const Json& tool : report["tools"]) {
       absl::StrAppend(&text, "tool      ", tool["name"].get<std::string>(), ": peak force ",
-                      Number(tool["peak_force_n"]), " N\n");
+                      Number(tool["peak_force_n"]), " N");
+      if (tool.contains("force_error_n"))
+        absl::StrAppend(&text, ", error bar at most ", Number(tool["force_error_n"]), " N");
+      absl::StrAppend(&text, "\n");
     }
   }
   absl::StrAppend(&text, "energy    ", Number(report["energy"]["initial_j"]), " J at the start, ",

@@ -1,8 +1,5 @@
 #include "core/contact/detector.h"
 
-#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
-#include <fcl/geometry/shape/box.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -10,9 +7,10 @@
 namespace adhesim {
 namespace {
 
-constexpr int kGrain = 256;         // groups: about 50 us of work
-constexpr double kRoundOff = 1e-9;  // of the reach: where distances are compared with old ones
+constexpr int kGrain = 256;  // groups: about 50 us of work
+constexpr double kSkin = 2;  // of the reach
 constexpr int kCandidatesPerParticle = 64;
+constexpr int kGroupsPerParticle = 8;
 
 // Angle between two vectors, good to 1e-3 rad, by arithmetic alone (pseudonormals need weights, not
 // exact angles).
@@ -36,17 +34,15 @@ bool IsBehind(const Vec3& p, const Triangle& tri, std::span<const Vec3> position
 
 }  // namespace
 
-struct Detector::Broad {
-  fcl::DynamicAABBTreeCollisionManagerd manager;
-  std::vector<std::shared_ptr<fcl::Boxd>> boxes;
-  std::vector<std::unique_ptr<fcl::CollisionObjectd>> objects;
-  std::vector<std::pair<int, int>> pairs;  // bodies whose boxes overlap, first < second, ascending
-};
-
 Detector::Detector(const Model& model, double reach_m, const Options& options)
-    : model_(model), reach_m_(reach_m), skin_m_(2 * reach_m), broad_(std::make_unique<Broad>()) {
-  for (const Body& body : model.bodies) trees_.emplace_back(model, body);
-
+    : model_(model),
+      reach_m_(reach_m),
+      skin_m_(kSkin * reach_m),
+      bodies_(model, reach_m, kSkin * reach_m, options.self_apart_m.has_value()),
+      box_(model.bodies.size()),
+      velocity_box_(model.bodies.size()),
+      groups_(kGroupsPerParticle * model.rest_position_m.size() + 64),
+      candidates_(kCandidatesPerParticle * model.rest_position_m.size() + 4096) {
   across_.assign(model.triangles.size(), {-1, -1, -1});
   std::map<std::pair<int, int>, std::pair<int, int>> half_edges;
   for (int t = 0; t < static_cast<int>(model.triangles.size()); ++t) {
@@ -60,62 +56,18 @@ Detector::Detector(const Model& model, double reach_m, const Options& options)
     }
   }
 
-  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
-    broad_->boxes.push_back(std::make_shared<fcl::Boxd>(1, 1, 1));
-    broad_->objects.push_back(std::make_unique<fcl::CollisionObjectd>(broad_->boxes.back()));
-    broad_->objects.back()->setUserData(reinterpret_cast<void*>(b));
-    broad_->manager.registerObject(broad_->objects.back().get());
-  }
-  broad_->manager.setup();
-  broad_->pairs.reserve(16 * model.bodies.size() + 64);
-  groups_.reserve(8 * model.rest_position_m.size() + 64);
-  candidate_.reserve(kCandidatesPerParticle * model.rest_position_m.size() + 4096);
-  evaluated_.reserve(groups_.capacity());
-  near_.reserve(groups_.capacity());
-  listed_position_m_.reserve(model.rest_position_m.size());
-  box_.resize(model.bodies.size());
-  velocity_box_.resize(model.bodies.size());
-  motion_.resize(model.bodies.size());
+  work_.reserve(kGroupsPerParticle * model.rest_position_m.size() + 64);
+  evaluated_.reserve(work_.capacity());
+  near_.reserve(work_.capacity());
   if (options.self_apart_m) {
     rest_ = std::make_unique<RestNeighbours>(model, *options.self_apart_m);
   }
   if (options.edges) edge_pairs_ = std::make_unique<EdgePairs>(model, reach_m_ + skin_m_);
 }
 
-Detector::~Detector() = default;
-
 void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report) {
-  if (!listed_position_m_.empty()) {
-    double moved_sq = 0;
-    for (std::size_t p = 0; p < position_m.size(); ++p) {
-      moved_sq = std::max(moved_sq, (position_m[p] - listed_position_m_[p]).squaredNorm());
-    }
-    if (moved_sq <= 0.25 * skin_m_ * skin_m_) {
-      MeasureMotions(position_m);
-      return;
-    }
-  }
-  Rebuild(position_m, report);
-}
-
-// How each body has moved since the list was made: what two that move together have in common does
-// not bring them nearer.
-void Detector::MeasureMotions(std::span<const Vec3> position_m) {
-  for (std::size_t b = 0; b < motion_.size(); ++b) {
-    const Body& body = model_.bodies[b];
-    const int end = body.first_particle + body.particle_count;
-    BodyMotion motion;
-    for (int p = body.first_particle; p < end; ++p)
-      motion.mean_m += position_m[p] - listed_position_m_[p];
-    motion.mean_m /= body.particle_count;
-    double most_sq = 0;
-    for (int p = body.first_particle; p < end; ++p) {
-      most_sq =
-          std::max(most_sq, (position_m[p] - listed_position_m_[p] - motion.mean_m).squaredNorm());
-    }
-    motion.rest_m = std::sqrt(most_sq) + kRoundOff * reach_m_;
-    motion_[b] = motion;
-  }
+  bodies_.Update(position_m, parallel, report);
+  if (bodies_.any_stale()) Renew(report);
 }
 
 double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
@@ -132,11 +84,11 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
     return (a.max - b.min).cwiseMax(b.max - a.min).squaredNorm();
   };
   // Of the triangles of one body that are near the other's box; a point of a triangle is no faster
-  // than its corners. The trees name more than that, depending on when their list was made: the
+  // than its corners. The trees name more than that, depending on what they were fitted to: the
   // boxes of now decide.
   const auto velocities = [&](int body, const Aabb& near) {
     Aabb found;
-    trees_[body].Query(near, [&](int t) {
+    bodies_.Query(body, near, [&](int t) {
       const Triangle& tri = model_.triangles[t];
       Aabb box;
       for (int p : tri) box.Add(position_m[p]);
@@ -146,8 +98,9 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
     return found;
   };
   double fastest_sq = enough_m_s * enough_m_s;
-  for (const auto& [a, b] : broad_->pairs) {
-    if (closing_sq(velocity_box_[a], velocity_box_[b]) <= fastest_sq) continue;
+  for (const BodyPair& pair : bodies_.pairs()) {
+    const int a = pair.body, b = pair.other;
+    if (a >= b || closing_sq(velocity_box_[a], velocity_box_[b]) <= fastest_sq) continue;
     const Aabb of_a = velocities(a, box_[b].Grown(reach_m_));
     const Aabb of_b = velocities(b, box_[a].Grown(reach_m_));
     if (!(of_a.min.x() <= of_a.max.x()) || !(of_b.min.x() <= of_b.max.x())) continue;  // empty
@@ -156,91 +109,86 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
   return std::sqrt(fastest_sq);
 }
 
-void Detector::Rebuild(std::span<const Vec3> position_m, StepReport* report) {
-  listed_position_m_.assign(position_m.begin(), position_m.end());
-  std::fill(motion_.begin(), motion_.end(), BodyMotion{Vec3::Zero(), kRoundOff * reach_m_});
-  groups_.clear();
-  candidate_.clear();
-  // Trees and boxes grown by half the skin hold until the list is renewed.
-  const double half = 0.5 * (reach_m_ + skin_m_);
-  for (std::size_t b = 0; b < trees_.size(); ++b) {
-    trees_[b].Refit(position_m, 0.5 * skin_m_);
-    const Aabb box = trees_[b].bounds().Grown(half);
-    fcl::CollisionObjectd& object = *broad_->objects[b];
-    broad_->boxes[b]->side = box.max - box.min;
-    broad_->boxes[b]->computeLocalAABB();
-    object.setTranslation(0.5 * (box.min + box.max));
-    object.computeAABB();
+void Detector::Renew(StepReport* report) {
+  if (groups_.crowded() || candidates_.crowded() || (edge_pairs_ && edge_pairs_->crowded())) {
+    CopyLists();
   }
-  broad_->manager.update();
-  broad_->pairs.clear();
-  broad_->manager.collide(
-      broad_.get(), [](fcl::CollisionObjectd* first, fcl::CollisionObjectd* second, void* data) {
-        Broad& broad = *static_cast<Broad*>(data);
-        const int a = static_cast<int>(reinterpret_cast<std::intptr_t>(first->getUserData()));
-        const int b = static_cast<int>(reinterpret_cast<std::intptr_t>(second->getUserData()));
-        if (broad.pairs.size() < broad.pairs.capacity())
-          broad.pairs.emplace_back(std::min(a, b), std::max(a, b));
-        return false;
-      });
-  if (broad_->pairs.size() == broad_->pairs.capacity()) report->bits |= kStepCandidateCapacity;
-  std::sort(broad_->pairs.begin(), broad_->pairs.end());
-  if (edge_pairs_) edge_pairs_->Begin();
-  for (const auto& [a, b] : broad_->pairs) {
-    if (model_.bodies[a].all_fixed && model_.bodies[b].all_fixed) continue;
-    AddGroups(a, b, position_m, report);
-    AddGroups(b, a, position_m, report);
-    if (edge_pairs_) edge_pairs_->AddBodies(a, b, trees_[b], position_m, report);
+  for (BodyPair& pair : bodies_.pairs()) {
+    if (!pair.stale) continue;
+    if (!List(&pair)) {
+      CopyLists();  // nobody refers to a stale pair's lists
+      if (!List(&pair)) report->bits |= kStepCandidateCapacity;
+    }
+    pair.stale = false;
   }
-  for (int b = 0; rest_ && b < static_cast<int>(trees_.size()); ++b) {
-    if (model_.bodies[b].rigid || model_.bodies[b].all_fixed) continue;
-    AddGroups(b, b, position_m, report);
-    if (edge_pairs_) edge_pairs_->AddOwn(b, trees_[b], rest_.get(), position_m, report);
-  }
-  if (edge_pairs_) edge_pairs_->End();
-  std::sort(groups_.begin(), groups_.end(), [](const Group& g, const Group& h) {
-    return g.particle != h.particle ? g.particle < h.particle : g.body < h.body;
-  });
 }
 
-// Particles of body a near triangles of body b; of a itself, those that may collide with it.
-void Detector::AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report) {
-  const Body& body = model_.bodies[a];
-  const double within = reach_m_ + skin_m_;
-  const Aabb box = trees_[b].bounds().Grown(within);
-  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
-    const Vec3& x = position_m[p];
-    if (!box.Contains(x)) continue;
-    Group group{p, b, static_cast<int>(candidate_.size()), 0, 0};
-    double nearest_sq = within * within;
-    if (a == b) rest_->Of(p);
-    trees_[b].Query(Aabb{x, x}.Grown(within), [&](int t) {
-      const Triangle& tri = model_.triangles[t];
-      const double distance_sq =
-          ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]])
-              .distance_sq_m2;
-      if (distance_sq > within * within || (a == b && BelongTogether(p, t))) return;
-      if (candidate_.size() == candidate_.capacity()) {
-        report->bits |= kStepCandidateCapacity;
-        return;
-      }
-      candidate_.push_back({t, std::sqrt(distance_sq)});
-      nearest_sq = std::min(nearest_sq, distance_sq);
-    });
-    group.count = static_cast<int>(candidate_.size()) - group.first;
-    if (group.count == 0) continue;
-    if (groups_.size() == groups_.capacity()) {
-      report->bits |= kStepCandidateCapacity;
-      return;
+void Detector::CopyLists() {
+  groups_.BeginCopy();
+  candidates_.BeginCopy();
+  if (edge_pairs_) edge_pairs_->BeginCopy();
+  for (BodyPair& pair : bodies_.pairs()) {
+    if (pair.stale) {
+      pair.groups = pair.candidates = pair.edges = {};
+      continue;
     }
-    std::sort(candidate_.end() - group.count, candidate_.end(),
-              [](const Candidate& a, const Candidate& b) {
-                return a.distance_m != b.distance_m ? a.distance_m < b.distance_m
-                                                    : a.triangle < b.triangle;
-              });
-    group.distance_m = std::sqrt(nearest_sq);
-    groups_.push_back(group);
+    groups_.Keep(&pair.groups);
+    candidates_.Keep(&pair.candidates);
+    if (edge_pairs_) edge_pairs_->Keep(&pair.edges);
   }
+  groups_.EndCopy();
+  candidates_.EndCopy();
+  if (edge_pairs_) edge_pairs_->EndCopy();
+}
+
+// Lists particles and edges of pair->body near those of pair->other, both where they were at their
+// references, moved by the mean motions of now. False when there is no room for all.
+bool Detector::List(BodyPair* pair) {
+  const Body& body = model_.bodies[pair->body];
+  const std::span<const Vec3> reference_m = bodies_.reference_m();
+  const Aabb box = bodies_.tree(pair->other).bounds().Grown(reach_m_ + skin_m_);
+  groups_.Begin();
+  candidates_.Begin();
+  bool room = true;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count && room; ++p) {
+    const Vec3 x = reference_m[p] - pair->apart_m;
+    if (box.Contains(x)) room = ListGroup(p, x, *pair);
+  }
+  pair->groups = groups_.End();
+  pair->candidates = candidates_.End();
+  pair->nearest_m = std::numeric_limits<double>::infinity();
+  for (const Group& group : groups_[pair->groups]) {
+    pair->nearest_m = std::min<double>(pair->nearest_m, group.distance_m);
+  }
+  if (edge_pairs_ && pair->body <= pair->other) {
+    room &= edge_pairs_->List(pair, bodies_, pair->body == pair->other ? rest_.get() : nullptr);
+  }
+  return room;
+}
+
+// The triangles of pair.other near particle `p`, which is at `x` beside that body's reference.
+bool Detector::ListGroup(int p, const Vec3& x, const BodyPair& pair) {
+  const std::span<const Vec3> reference_m = bodies_.reference_m();
+  const double within = reach_m_ + skin_m_;
+  const bool own = pair.body == pair.other;
+  const int first = candidates_.End().count;
+  bool room = true;
+  if (own) rest_->Of(p);
+  bodies_.tree(pair.other).Query(Aabb{x, x}.Grown(within), [&](int t) {
+    const Triangle& tri = model_.triangles[t];
+    const double distance_sq =
+        ClosestPointOnTriangle(x, reference_m[tri[0]], reference_m[tri[1]], reference_m[tri[2]])
+            .distance_sq_m2;
+    if (distance_sq > within * within || (own && BelongTogether(p, t))) return;
+    room = room && candidates_.Push({t, NoMoreThan(std::sqrt(distance_sq))});
+  });
+  const int count = candidates_.End().count - first;
+  if (count == 0) return room;
+  const std::span<Candidate> found = candidates_[candidates_.End()].subspan(first, count);
+  std::sort(found.begin(), found.end(), [](const Candidate& a, const Candidate& b) {
+    return a.distance_m != b.distance_m ? a.distance_m < b.distance_m : a.triangle < b.triangle;
+  });
+  return groups_.Push({p, first, count, found[0].distance_m}) && room;
 }
 
 // Whether the particle that `rest_` is asked about and a triangle of its body never collide.
@@ -253,19 +201,47 @@ bool Detector::BelongTogether(int particle, int triangle) const {
           .distance_sq_m2);
 }
 
-std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Parallel* parallel) {
-  evaluated_.resize(groups_.size());
-  parallel->For(static_cast<int>(groups_.size()), kGrain, [&](int begin, int end) {
-    for (int g = begin; g < end; ++g) {
-      const Group& group = groups_[g];
-      // The pair cannot have come nearer than by this.
-      const BodyMotion& motion = motion_[group.body];
-      const double nearer_m =
-          motion.rest_m +
-          (position_m[group.particle] - listed_position_m_[group.particle] - motion.mean_m).norm();
-      evaluated_[g] =
-          group.distance_m - nearer_m > reach_m_ ? kNone : Evaluate(group, position_m, nearer_m);
+// The groups that may be within reach, ascending by (particle, body).
+void Detector::CollectWork(std::span<const Vec3> position_m) {
+  const std::span<const Vec3> reference_m = bodies_.reference_m();
+  work_.clear();
+  std::size_t first = 0;  // of the body's
+  int body = -1, parts = 0;
+  const auto end_body = [&] {
+    if (parts < 2) return;
+    std::sort(work_.begin() + first, work_.end(), [](const Work& v, const Work& w) {
+      return v.particle != w.particle ? v.particle < w.particle : v.body < w.body;
+    });
+  };
+  for (const BodyPair& pair : bodies_.pairs()) {
+    if (pair.nearest_m - pair.moved_m > reach_m_) continue;
+    if (pair.body != body) {
+      end_body();
+      body = pair.body;
+      first = work_.size();
+      parts = 0;
     }
+    ++parts;
+    const BodyMotion& other = bodies_.motion(pair.other);
+    const Vec3 together = other.mean_m - pair.apart_m;
+    for (const Group& group : groups_[pair.groups]) {
+      const Vec3 moved = position_m[group.particle] - reference_m[group.particle];
+      const double nearer_m = other.rest_m + (moved - together).norm();
+      if (group.distance_m - nearer_m > reach_m_) continue;
+      work_.push_back({group.particle,
+                       pair.other,
+                       {pair.candidates.first + group.first, group.count},
+                       nearer_m});
+    }
+  }
+  end_body();
+}
+
+std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Parallel* parallel) {
+  CollectWork(position_m);
+  evaluated_.resize(work_.size());
+  parallel->For(static_cast<int>(work_.size()), kGrain, [&](int begin, int end) {
+    for (int w = begin; w < end; ++w) evaluated_[w] = Evaluate(work_[w], position_m);
   });
   near_.clear();
   for (const NearPair& pair : evaluated_) {
@@ -277,11 +253,10 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
 std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
                                                StepReport* report) {
   if (!edge_pairs_) return {};
-  return edge_pairs_->Find(position_m, reach_m_, motion_, parallel, report);
+  return edge_pairs_->Find(bodies_.pairs(), position_m, reach_m_, parallel, report);
 }
 
-NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m,
-                            double nearer_m) const {
+NearPair Detector::Evaluate(const Work& group, std::span<const Vec3> position_m) const {
   const Vec3& x = position_m[group.particle];
   ClosestPoint best{Vec3::Zero(), ClosestPoint::kFace, std::numeric_limits<double>::infinity()};
   int triangle = -1;
@@ -289,11 +264,11 @@ NearPair Detector::Evaluate(const Group& group, std::span<const Vec3> position_m
   // What a closed body's particle sees of it from inside is its own thickness; that must not hide
   // what it sees from outside.
   const bool from_outside = closed && model_.body_of[group.particle] == group.body;
-  for (int k = group.first; k < group.first + group.count; ++k) {
+  for (const Candidate& candidate : candidates_[group.candidates]) {
     // By distance: those that follow were further still.
-    const double least_m = candidate_[k].distance_m - nearer_m;
+    const double least_m = candidate.distance_m - group.nearer_m;
     if (least_m > 0 && least_m * least_m > best.distance_sq_m2) break;
-    const int t = candidate_[k].triangle;
+    const int t = candidate.triangle;
     const Triangle& tri = model_.triangles[t];
     if (from_outside && IsBehind(x, tri, position_m)) continue;
     const ClosestPoint point =

@@ -5,9 +5,10 @@
 #include <span>
 #include <vector>
 
+#include "core/contact/body_pairs.h"
 #include "core/contact/edge_pairs.h"
+#include "core/contact/list_store.h"
 #include "core/contact/rest_neighbours.h"
-#include "core/contact/triangle_tree.h"
 #include "core/model/closest_point.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
@@ -19,11 +20,10 @@ namespace adhesim {
 // Finds the particles within `reach` of other bodies' surfaces, and the edges that cross over other
 // bodies' edges.
 //
-// Pairs of bodies come from FCL's dynamic AABB tree; particles against triangles from our own
-// refitted trees, because FCL's narrow phase is ten times slower than a step may last
-// (docs/decisions). Near pairs are listed with a margin
-// (`skin`) and the list is used until something has moved half of it; what a list contains never
-// changes a result.
+// Pairs of bodies come from FCL's dynamic AABB tree (BodyPairs); particles against triangles from
+// our own refitted trees, because FCL's narrow phase is ten times slower than a step may last
+// (docs/decisions). What is near is listed with a margin (`skin`), two bodies at a time, and a list
+// is used until these two have moved too far; what a list contains never changes a result.
 class Detector {
  public:
   struct Options {
@@ -34,9 +34,8 @@ class Detector {
   };
   Detector(const Model& model, double reach_m, const Options& options);
   Detector(const Model& model, double reach_m) : Detector(model, reach_m, Options()) {}
-  ~Detector();
 
-  // Renews the list if particles have moved too far since it was made. Report bit:
+  // Renews the lists of bodies that have moved too far since these were made. Report bit:
   // kStepCandidateCapacity.
   void Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report);
   // Pairs with |gap| <= reach at these positions (those of the last Update), ascending by
@@ -53,50 +52,53 @@ class Detector {
   // than that.
   double ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
                       double enough_m_s);
-  // Calls visit(triangle) for every triangle of any body whose box, grown by at most `skin`,
-  // overlaps `box`.
+  // Calls visit(triangle) for every triangle of any body that is in `box`, and some more near it.
   template <typename Visit>
   void QueryTriangles(const Aabb& box, const Visit& visit) const {
-    for (const TriangleTree& tree : trees_) tree.Query(box, visit);
+    for (int b = 0; b < static_cast<int>(box_.size()); ++b) bodies_.Query(b, box, visit);
   }
 
  private:
-  struct Broad;  // FCL's manager and its objects
   struct Candidate {
     std::int32_t triangle;
-    double distance_m;  // when the list was made
+    float distance_m;  // when it was listed, or less
   };
   // The triangles of one body that are near one particle.
   struct Group {
-    std::int32_t particle, body;
-    std::int32_t first, count;  // into candidate_
-    double distance_m;          // when the list was made
+    std::int32_t particle;
+    std::int32_t first, count;  // of its pair's candidates, by distance
+    float distance_m;           // of the first
   };
-  void Rebuild(std::span<const Vec3> position_m, StepReport* report);
-  void AddGroups(int a, int b, std::span<const Vec3> position_m, StepReport* report);
+  // A group that may be within reach now.
+  struct Work {
+    std::int32_t particle, body;
+    ListSpan candidates;
+    double nearer_m;  // by how much its sides may have come nearer since it was listed
+  };
+  void Renew(StepReport* report);
+  bool List(BodyPair* pair);
+  bool ListGroup(int particle, const Vec3& x, const BodyPair& pair);
+  void CopyLists();
   bool BelongTogether(int particle, int triangle) const;
-  // `nearer_m`: by how much its sides may have come nearer since the list was made.
-  NearPair Evaluate(const Group& group, std::span<const Vec3> position_m, double nearer_m) const;
-  void MeasureMotions(std::span<const Vec3> position_m);
+  void CollectWork(std::span<const Vec3> position_m);
+  NearPair Evaluate(const Work& work, std::span<const Vec3> position_m) const;
   Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature,
                     std::span<const Vec3> position_m) const;
 
   const Model& model_;
   double reach_m_;
   double skin_m_;
-  std::vector<TriangleTree> trees_;       // [#bodies]
+  BodyPairs bodies_;
   std::vector<Aabb> box_, velocity_box_;  // [#bodies] of ClosingSpeed
   std::vector<std::array<std::int32_t, 3>>
       across_;  // [#triangles] triangle across the edge k to k + 1, or -1
-  std::unique_ptr<Broad> broad_;
-  std::vector<Vec3> listed_position_m_;  // [#particles] when the list was made; empty: no list
-  std::vector<BodyMotion> motion_;       // [#bodies] since then
-  std::vector<Group> groups_;            // ascending by (particle, body)
-  std::vector<Candidate> candidate_;     // group by group, by distance
-  std::vector<NearPair> evaluated_;      // [#groups]
+  ListStore<Group> groups_;
+  ListStore<Candidate> candidates_;
+  std::vector<Work> work_;           // ascending by (particle, body)
+  std::vector<NearPair> evaluated_;  // [#work]
   std::vector<NearPair> near_;
-  std::unique_ptr<EdgePairs> edge_pairs_;  // null: not wanted
   std::unique_ptr<RestNeighbours> rest_;   // null: no self-collision
+  std::unique_ptr<EdgePairs> edge_pairs_;  // null: not wanted
 };
 
 }  // namespace adhesim

@@ -3,12 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 namespace adhesim {
 namespace {
 
 constexpr int kGrain = 1024;  // candidates: about 20 us of work
 constexpr int kCandidatesPerParticle = 64;
+
+std::size_t Capacity(const Model& model) {
+  return kCandidatesPerParticle * model.rest_position_m.size() + 4096;
+}
 constexpr double kParallel = 1e-12;  // squared sine of an angle between edges without a crossing
 
 // Squared distance of two segments (Ericson, Real-Time Collision Detection (2005), section 5.1.9).
@@ -28,7 +33,8 @@ double SegmentDistanceSq(const Vec3& a0, const Vec3& a1, const Vec3& b0, const V
 
 }  // namespace
 
-EdgePairs::EdgePairs(const Model& model, double within_m) : model_(model), within_m_(within_m) {
+EdgePairs::EdgePairs(const Model& model, double within_m)
+    : model_(model), within_m_(within_m), candidates_(Capacity(model)) {
   owned_.assign(model.triangles.size(), {-1, -1, -1});
   std::map<std::pair<int, int>, int> number;
   for (const Body& body : model.bodies) {
@@ -49,52 +55,54 @@ EdgePairs::EdgePairs(const Model& model, double within_m) : model_(model), withi
     }
   }
   first_edge_.push_back(static_cast<int>(edges_.size()));
-  candidate_.reserve(kCandidatesPerParticle * model.rest_position_m.size() + 4096);
-  crosses_.reserve(candidate_.capacity());
+  work_.reserve(Capacity(model));
+  crosses_.reserve(Capacity(model));
   near_.reserve(8 * model.rest_position_m.size() + 64);
 }
 
-void EdgePairs::Begin() { candidate_.clear(); }
-
-void EdgePairs::AddBodies(int a, int b, const TriangleTree& tree, std::span<const Vec3> position_m,
-                          StepReport* report) {
+bool EdgePairs::List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest) {
+  const TriangleTree& tree = bodies.tree(pair->other);
+  const std::span<const Vec3> reference_m = bodies.reference_m();
   const Aabb bounds = tree.bounds().Grown(within_m_);
-  for (int e = first_edge_[a]; e < first_edge_[a + 1]; ++e) {
-    const Vec3 &a0 = position_m[edges_[e].ends[0]], &a1 = position_m[edges_[e].ends[1]];
-    if (!bounds.Overlaps({a0.cwiseMin(a1), a0.cwiseMax(a1)})) continue;
-    AddEdge(e, tree, nullptr, position_m, report);
+  const Aabb near{bounds.min + pair->apart_m, bounds.max + pair->apart_m};
+  candidates_.Begin();
+  bool room = true;
+  for (int e = first_edge_[pair->body]; e < first_edge_[pair->body + 1] && room; ++e) {
+    const Vec3 &a0 = reference_m[edges_[e].ends[0]], &a1 = reference_m[edges_[e].ends[1]];
+    if (!near.Overlaps({a0.cwiseMin(a1), a0.cwiseMax(a1)})) continue;
+    if (rest) {
+      rest->Of(edges_[e].ends[0]);
+      rest->And(edges_[e].ends[1]);
+    }
+    room = ListEdge(e, pair->apart_m, tree, reference_m, rest);
   }
+  pair->edges = candidates_.End();
+  const std::span<Candidate> found = candidates_[pair->edges];
+  std::sort(found.begin(), found.end(), [](const Candidate& c, const Candidate& d) {
+    return std::tuple(c.distance_m, c.a, c.b) < std::tuple(d.distance_m, d.a, d.b);
+  });
+  return room;
 }
 
-void EdgePairs::AddOwn(int b, const TriangleTree& tree, RestNeighbours* rest,
-                       std::span<const Vec3> position_m, StepReport* report) {
-  for (int e = first_edge_[b]; e < first_edge_[b + 1]; ++e) {
-    rest->Of(edges_[e].ends[0]);
-    rest->And(edges_[e].ends[1]);
-    AddEdge(e, tree, rest, position_m, report);
-  }
-}
-
-void EdgePairs::AddEdge(int e, const TriangleTree& tree, const RestNeighbours* rest,
-                        std::span<const Vec3> position_m, StepReport* report) {
-  const Vec3 &a0 = position_m[edges_[e].ends[0]], &a1 = position_m[edges_[e].ends[1]];
+bool EdgePairs::ListEdge(int e, const Vec3& apart_m, const TriangleTree& tree,
+                         std::span<const Vec3> reference_m, const RestNeighbours* rest) {
+  const Vec3 a0 = reference_m[edges_[e].ends[0]] - apart_m;
+  const Vec3 a1 = reference_m[edges_[e].ends[1]] - apart_m;
   const Aabb box = Aabb{a0.cwiseMin(a1), a0.cwiseMax(a1)}.Grown(within_m_);
+  bool room = true;
   tree.Query(box, [&](int t) {
     for (int other : owned_[t]) {
       // An edge of its own body: each pair once.
       if (other < 0 || (rest && other <= e)) continue;
-      const Vec3 &b0 = position_m[edges_[other].ends[0]], &b1 = position_m[edges_[other].ends[1]];
+      const Vec3 &b0 = reference_m[edges_[other].ends[0]], &b1 = reference_m[edges_[other].ends[1]];
       if (!box.Overlaps({b0.cwiseMin(b1), b0.cwiseMax(b1)})) continue;
       const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
       if (distance_sq > within_m_ * within_m_) continue;
       if (rest && BelongTogether(*rest, edges_[e], edges_[other])) continue;
-      if (candidate_.size() == candidate_.capacity()) {
-        report->bits |= kStepCandidateCapacity;
-        return;
-      }
-      candidate_.push_back({e, other, std::sqrt(distance_sq)});
+      room = room && candidates_.Push({e, other, NoMoreThan(std::sqrt(distance_sq))});
     }
   });
+  return room;
 }
 
 // Whether edge `a`, whose ends `rest` is asked about, and `b` never collide.
@@ -105,18 +113,12 @@ bool EdgePairs::BelongTogether(const RestNeighbours& rest, const Edge& a, const 
       SegmentDistanceSq(x[a.ends[0]], x[a.ends[1]], x[b.ends[0]], x[b.ends[1]]));
 }
 
-void EdgePairs::End() {
-  std::sort(candidate_.begin(), candidate_.end(), [](const Candidate& c, const Candidate& d) {
-    return c.a != d.a ? c.a < d.a : c.b < d.b;
-  });
-}
-
 // With a(s) = a0 + s u, b(t) = b0 + t v, w = a0 - b0, the nearest points of the lines are at
 //   s = ((u.v)(v.w) - (v.v)(u.w)) / det,  t = ((u.u)(v.w) - (u.v)(u.w)) / det,
 //   det = (u.u)(v.v) - (u.v)^2.
-bool EdgePairs::Cross(const Candidate& pair, std::span<const Vec3> position_m, double reach_sq_m2,
+bool EdgePairs::Cross(const EdgePair& pair, std::span<const Vec3> position_m, double reach_sq_m2,
                       Crossing* crossing) const {
-  const Edge &a = edges_[pair.a], &b = edges_[pair.b];
+  const Edge &a = edges_[pair.first], &b = edges_[pair.second];
   const Vec3 &a0 = position_m[a.ends[0]], &b0 = position_m[b.ends[0]];
   const Vec3 u = position_m[a.ends[1]] - a0, v = position_m[b.ends[1]] - b0, w = a0 - b0;
   const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v);
@@ -155,9 +157,9 @@ bool EdgePairs::LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
   return !closed || direction.dot(normal_sum) >= 0;
 }
 
-bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
+bool EdgePairs::Evaluate(const EdgePair& pair, const Crossing& crossing,
                          std::span<const Vec3> position_m, NearEdges* near) const {
-  const Edge &a = edges_[pair.a], &b = edges_[pair.b];
+  const Edge &a = edges_[pair.first], &b = edges_[pair.second];
   const bool own = model_.body_of[a.ends[0]] == model_.body_of[b.ends[0]];
   const bool a_closed = model_.bodies[model_.body_of[a.ends[0]]].closed;
   const bool b_closed = model_.bodies[model_.body_of[b.ends[0]]].closed;
@@ -168,16 +170,19 @@ bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
                              : Vec3((position_m[a.ends[1]] - position_m[a.ends[0]])
                                         .cross(position_m[b.ends[1]] - position_m[b.ends[0]])
                                         .normalized());
-  const auto faces = [&](const Vec3& from_b) {
-    return LeadsAway(b, b_closed, from_b, position_m) &&
-           LeadsAway(a, a_closed, -from_b, position_m);
+  const auto faces = [&](const Vec3& from_b, bool as_sheets) {
+    return LeadsAway(b, b_closed && !as_sheets, from_b, position_m) &&
+           LeadsAway(a, a_closed && !as_sheets, -from_b, position_m);
   };
-  if (faces(direction)) {
+  if (faces(direction, false)) {
     near->normal = direction;
     near->gap_m = distance;
-  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction)) {
+  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction, false)) {
     near->normal = -direction;
     near->gap_m = -distance;
+  } else if (!own && faces(direction, true)) {  // the back of a surface that has folded over
+    near->normal = direction;
+    near->gap_m = distance;
   } else {
     return false;
   }
@@ -191,35 +196,41 @@ bool EdgePairs::Evaluate(const Candidate& pair, const Crossing& crossing,
   return true;
 }
 
-std::span<const NearEdges> EdgePairs::Find(std::span<const Vec3> position_m, double reach_m,
-                                           std::span<const BodyMotion> motion, Parallel* parallel,
-                                           StepReport* report) {
-  crosses_.resize(candidate_.size());
-  parallel->For(static_cast<int>(candidate_.size()), kGrain, [&](int begin, int end) {
+void EdgePairs::CollectWork(std::span<const BodyPair> pairs, double reach_m) {
+  work_.clear();
+  for (const BodyPair& pair : pairs) {
+    if (pair.body > pair.other) continue;
+    for (const Candidate& candidate : candidates_[pair.edges]) {
+      // By distance: what was further apart cannot be in reach, nor what follows.
+      if (candidate.distance_m - pair.moved_m > reach_m) break;
+      work_.push_back({candidate.a, candidate.b});
+    }
+  }
+}
+
+std::span<const NearEdges> EdgePairs::Find(std::span<const BodyPair> pairs,
+                                           std::span<const Vec3> position_m, double reach_m,
+                                           Parallel* parallel, StepReport* report) {
+  CollectWork(pairs, reach_m);
+  crosses_.resize(work_.size());
+  parallel->For(static_cast<int>(work_.size()), kGrain, [&](int begin, int end) {
     Crossing crossing;
-    int body_a = -1, body_b = -1;
-    double far_m = 0;
-    for (int c = begin; c < end; ++c) {
-      const int a = model_.body_of[edges_[candidate_[c].a].ends[0]];
-      const int b = model_.body_of[edges_[candidate_[c].b].ends[0]];
-      if (a != body_a || b != body_b) {
-        body_a = a;
-        body_b = b;
-        // What was further apart cannot be in reach.
-        far_m = reach_m + (motion[a].mean_m - motion[b].mean_m).norm() + motion[a].rest_m +
-                motion[b].rest_m;
-      }
-      crosses_[c] = candidate_[c].distance_m <= far_m &&
-                    Cross(candidate_[c], position_m, reach_m * reach_m, &crossing);
+    for (int w = begin; w < end; ++w) {
+      crosses_[w] = Cross(work_[w], position_m, reach_m * reach_m, &crossing);
     }
   });
+  std::size_t crossing_count = 0;
+  for (std::size_t w = 0; w < work_.size(); ++w) {
+    if (crosses_[w]) work_[crossing_count++] = work_[w];
+  }
+  work_.resize(crossing_count);
+  std::sort(work_.begin(), work_.end());
   near_.clear();
-  for (std::size_t c = 0; c < candidate_.size(); ++c) {
-    if (!crosses_[c]) continue;
+  for (const EdgePair& pair : work_) {
     Crossing crossing;
     NearEdges near;
-    Cross(candidate_[c], position_m, reach_m * reach_m, &crossing);
-    if (!Evaluate(candidate_[c], crossing, position_m, &near)) continue;
+    Cross(pair, position_m, reach_m * reach_m, &crossing);
+    if (!Evaluate(pair, crossing, position_m, &near)) continue;
     if (near_.size() == near_.capacity()) {
       report->bits |= kStepCandidateCapacity;
       break;

@@ -2,21 +2,17 @@
 
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
+#include "core/contact/body_pairs.h"
+#include "core/contact/list_store.h"
 #include "core/contact/rest_neighbours.h"
-#include "core/contact/triangle_tree.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/parallel.h"
 
 namespace adhesim {
-
-// How a body has moved since a list was made: on the mean, and its particles beside that at most.
-struct BodyMotion {
-  Vec3 mean_m = Vec3::Zero();
-  double rest_m = 0;
-};
 
 // Edge `a` of one body that crosses over edge `b` of another (or of its own, elsewhere), nearest in
 // both edges' insides.
@@ -37,26 +33,24 @@ struct NearEdges {
 // Elsewhere some other feature of the two surfaces is nearer still, and is found as itself. A pair
 // with the same seen from behind has crossed already; that can be told where a body is closed.
 //
-// Like Detector's, the list has a margin and never changes a result.
+// Like Detector's, the lists have a margin and never change a result.
 class EdgePairs {
  public:
   EdgePairs(const Model& model, double within_m);
 
-  // A new list: Begin, AddBodies for every pair of bodies near each other, End.
-  void Begin();
-  // Lists the edges of body `a` within `within_m` of those of body `b`, whose tree is given.
-  void AddBodies(int a, int b, const TriangleTree& tree, std::span<const Vec3> position_m,
-                 StepReport* report);
-  // The same for body `b` and itself, without what `rest` says never collides.
-  void AddOwn(int b, const TriangleTree& tree, RestNeighbours* rest,
-              std::span<const Vec3> position_m, StepReport* report);
-  void End();
+  // Lists the edges of pair->body within `within_m` of those of pair->other, at the bodies'
+  // references, moved by the mean motions of now; where these are one body, without what `rest`
+  // says never collides. False: there is no room for all.
+  bool List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest);
+  // As of a ListStore.
+  bool crowded() const { return candidates_.crowded(); }
+  void BeginCopy() { candidates_.BeginCopy(); }
+  void Keep(ListSpan* list) { candidates_.Keep(list); }
+  void EndCopy() { candidates_.EndCopy(); }
 
-  // Pairs with |gap| <= reach, ascending by (edge a, edge b), when bodies have moved by `motion`
-  // [#bodies] since the list was made. Allocates nothing.
-  std::span<const NearEdges> Find(std::span<const Vec3> position_m, double reach_m,
-                                  std::span<const BodyMotion> motion, Parallel* parallel,
-                                  StepReport* report);
+  // Pairs with |gap| <= reach, ascending by (edge a, edge b). Allocates nothing.
+  std::span<const NearEdges> Find(std::span<const BodyPair> pairs, std::span<const Vec3> position_m,
+                                  double reach_m, Parallel* parallel, StepReport* report);
 
  private:
   // Sine of the angle by which o may lead into a face. 0 would lose edges between coplanar faces to
@@ -68,23 +62,25 @@ class EdgePairs {
     std::array<std::int32_t, 2> triangle;  // ascending; the second is -1 at a border
     std::array<std::int32_t, 2> opposite;  // the third corners of these
   };
+  using EdgePair = std::pair<std::int32_t, std::int32_t>;
   struct Candidate {
     std::int32_t a, b;
-    double distance_m;  // when the list was made
+    float distance_m;  // when it was listed, or less
   };
-  void AddEdge(int edge, const TriangleTree& tree, const RestNeighbours* rest,
-               std::span<const Vec3> position_m, StepReport* report);
+  bool ListEdge(int edge, const Vec3& apart_m, const TriangleTree& tree,
+                std::span<const Vec3> reference_m, const RestNeighbours* rest);
+  void CollectWork(std::span<const BodyPair> pairs, double reach_m);
   bool BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const;
   // Where two lines are nearest, if that is inside both edges and within reach.
   struct Crossing {
     double s, t;
     Vec3 offset;  // from b to a
   };
-  bool Cross(const Candidate& pair, std::span<const Vec3> position_m, double reach_sq_m2,
+  bool Cross(const EdgePair& pair, std::span<const Vec3> position_m, double reach_sq_m2,
              Crossing* crossing) const;
   bool LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
                  std::span<const Vec3> position_m) const;
-  bool Evaluate(const Candidate& pair, const Crossing& crossing, std::span<const Vec3> position_m,
+  bool Evaluate(const EdgePair& pair, const Crossing& crossing, std::span<const Vec3> position_m,
                 NearEdges* near) const;
 
   const Model& model_;
@@ -92,8 +88,9 @@ class EdgePairs {
   std::vector<Edge> edges_;                         // body by body
   std::vector<std::int32_t> first_edge_;            // [#bodies + 1]
   std::vector<std::array<std::int32_t, 3>> owned_;  // [#triangles] edges it is the lowest of, -1
-  std::vector<Candidate> candidate_;                // ascending by (a, b)
-  std::vector<std::uint8_t> crosses_;               // [#candidates]
+  ListStore<Candidate> candidates_;                 // of two bodies each, by distance
+  std::vector<EdgePair> work_;                      // edges that may be within reach
+  std::vector<std::uint8_t> crosses_;               // [#work]
   std::vector<NearEdges> near_;
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/model/carried.h"
+
 namespace adhesim {
 
 ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
@@ -15,6 +17,7 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   colliding_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
   if (model.adhesive && model.adhesive->patch_size_m) patch_.resize(model.rest_position_m.size());
+  carried_ = CarriedIndex(model);
   for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
 }
@@ -47,6 +50,26 @@ bool ZoneBuilder::Unite(int a, int b) {
   parent_[b] = a;
   prescriber_[a] = pa != kNobody ? pa : pb;
   return true;
+}
+
+bool ZoneBuilder::UniteCarriers(int particle) {
+  if (carried_.empty() || carried_[particle] < 0) return true;
+  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
+    if (!Unite(particle, carrier)) return false;
+  }
+  return true;
+}
+
+bool ZoneBuilder::UniteMember(int anchor, int particle) {
+  return UniteCarriers(particle) && Unite(anchor, particle);
+}
+
+void ZoneBuilder::MarkMember(int particle) {
+  member_[particle] = 1;
+  if (carried_.empty() || carried_[particle] < 0) return;
+  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
+    member_[carrier] = 1;
+  }
 }
 
 void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
@@ -89,22 +112,36 @@ void ZoneBuilder::MarkPatches(const Contacts& contacts) {
   }
 }
 
+// What carries a particle can be held by others already: then this bond cannot hold it.
+void ZoneBuilder::KeepCarriersTogether(Bond* bond, StepReport* report) {
+  if (bond->holds_particle && !UniteCarriers(bond->particle)) {
+    bond->holds_particle = false;
+    report->bits |= kStepZoneSplitForced;
+  }
+  if (bond->holds_partner && !UniteCarriers(bond->partner)) {
+    bond->holds_partner = false;
+    report->bits |= kStepZoneSplitForced;
+  }
+}
+
 void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   // Particles first: what is stuck to the ground stays there, and a tool that grips it too is
   // refused.
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
       if ((bond.tool >= 0) != tools || bond.sliding) continue;
+      if (!tools) KeepCarriersTogether(&bond, report);
+      if (!bond.Holds()) continue;
+      const bool whole = tools || bond.calm == kAcrossPatches;
       const int anchor = tools                 ? ToolNode(bond.tool)
                          : bond.holds_particle ? bond.particle
                                                : bond.partner;
-      if (bond.holds_particle && bond.holds_partner && InOnePatch(bond.particle, bond.partner))
+      if (bond.holds_particle && bond.holds_partner &&
+          (whole || InOnePatch(bond.particle, bond.partner)))
         Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
-        if (v < 0 || (!tools && !InOnePatch(anchor, v))) continue;
-        if (Unite(anchor, v)) {
-          member_[v] = 1;
-        } else {
+        if (v < 0 || !(whole || InOnePatch(anchor, v))) continue;
+        if (!UniteMember(anchor, v)) {
           v = -1;
           report->bits |= kStepZoneSplitForced;
         }
@@ -116,7 +153,7 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   for (const Bond& bond : contacts->bonds) {
     bond.ForEachMember([&](int p) {
       colliding_[p] = 1;
-      if (!bond.sliding) member_[p] = 1;
+      if (!bond.sliding) MarkMember(p);
     });
   }
   contacts->colliding_particles =

@@ -18,10 +18,15 @@ namespace adhesim {
 // is stuck to) stays together; those groups are joined further only within one cube of that size,
 // at rest.
 //
+// A carried particle takes its carriers along, so that all of them are members.
+//
 // A rigid body is one node, a tool another. Tools that differ, or a tool and a fixed particle,
 // cannot share a zone: the union that would join them is refused and kStepZoneSplitForced says so.
 class ZoneBuilder {
  public:
+  // Bond::calm of a bond that sticks and joins patches: what would else pass through.
+  static constexpr std::int8_t kAcrossPatches = -1;
+
   explicit ZoneBuilder(const Model& model);
 
   // Rewrites zones, zone_members and zone_of. Zones keep the number of the old zone that most of
@@ -39,6 +44,12 @@ class ZoneBuilder {
   int Find(int node);
   // False when their prescribers disagree.
   bool Unite(int a, int b);
+  // Unite(), with what carries the particle: all of it moves as one.
+  bool UniteMember(int anchor, int particle);
+  // Unites a carried particle with its carriers; false when their prescribers disagree.
+  bool UniteCarriers(int particle);
+  void MarkMember(int particle);
+  void KeepCarriersTogether(Bond* bond, StepReport* report);
   int BodyNode(int body) const { return model_.particle_count() + body; }
   int ToolNode(int tool) const {
     return model_.particle_count() + static_cast<int>(model_.bodies.size()) + tool;
@@ -55,11 +66,12 @@ class ZoneBuilder {
   void KeepIds(Contacts* contacts);
 
   const Model& model_;
-  std::vector<std::int32_t> parent_;                // [#particles + #bodies + #tools]
-  std::vector<std::int32_t> prescriber_;            // of a root, likewise
-  std::vector<std::uint8_t> member_;                // [#particles] is in some zone
-  std::vector<std::uint8_t> colliding_;             // [#particles] is part of some bond
-  std::vector<std::int32_t> zone_at_root_;          // likewise as parent_
+  std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
+  std::vector<std::int32_t> prescriber_;    // of a root, likewise
+  std::vector<std::uint8_t> member_;        // [#particles] is in some zone
+  std::vector<std::uint8_t> colliding_;     // [#particles] is part of some bond
+  std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
+  std::vector<std::int32_t> carried_;       // [#particles] into Model::carried, -1; or empty
   std::vector<std::array<std::int32_t, 3>> patch_;  // [#particles]; empty: zones are not cut
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/engine/pipeline.h"
+#include "core/model/carried.h"
 
 namespace adhesim {
 
@@ -18,6 +19,12 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
     return absl::InvalidArgumentError(absl::StrCat("simd: ", SimdName(options.simd),
                                                    " (this machine has at most ",
                                                    SimdName(available.back()), ")"));
+  }
+  if (!model->carried.empty() && model->adhesive &&
+      (model->adhesive->friction_coefficient || model->adhesive->kappa)) {
+    return absl::InvalidArgumentError(
+        "virtual_adhesive: friction_coefficient and kappa_adh_m act on the mass of a surface's "
+        "particles, and a carried surface has none; permitted: strengths, on blocks also both");
   }
   std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options));
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
@@ -48,10 +55,42 @@ absl::Status Pipeline::CompileEffects() {
   }
   total_force_n_.assign(n, Vec3::Zero());
   solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
+  if (absl::Status status = CompileImplicit(); !status.ok()) return status;
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
   CompileContact();
   frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
   start_.effect_state.assign(state_size, 0);
+  return absl::OkStatus();
+}
+
+absl::Status Pipeline::CompileImplicit() {
+  if (model_->integrator == Integrator::kExplicit) return absl::OkStatus();
+  std::vector<ImplicitSolver::StiffEffect> stiff;
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    if (effects_[e]->has_stiffness()) stiff.push_back({effects_[e].get(), effect_state_first_[e]});
+  }
+  if (stiff.empty()) return absl::OkStatus();
+  implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff));
+  implicit_damping_n_ = total_force_n_;
+  if (!model_->tools.empty()) {
+    force_error_ = std::make_unique<ForceError>(*model_);
+    error_bar_.resize(model_->tools.size());
+  }
+  start_.velocity_change_m_s = total_force_n_;
+  // A constraint that is met after the solve moves particles against stiffness that it does not
+  // see: energy would come in.
+  for (const auto& effect : effects_) {
+    for (const ConstraintRow& row : effect->constraints()) {
+      for (int p = row.first; p < row.first + row.count; ++p) {
+        if (!implicit_->HasStiffness(p)) continue;
+        return absl::InvalidArgumentError(absl::StrCat(
+            "effect ", std::string(effect->name()), " acts on body '",
+            model_->bodies[model_->body_of[p]].name,
+            "', whose elasticity is implicit (permitted: other bodies; poisson_ratio says how "
+            "incompressible tissue is)"));
+      }
+    }
+  }
   return absl::OkStatus();
 }
 
@@ -84,10 +123,18 @@ void Pipeline::CompileContact() {
 // the row sums.
 absl::Status Pipeline::ChooseSubsteps() {
   std::vector<double> stiffness(model_->rest_position_m.size(), 0), damping(stiffness.size(), 0);
-  for (const auto& effect : effects_) effect->AddBounds(stiffness, damping);
+  for (const auto& effect : effects_) {
+    if (!IsImplicit(*effect)) effect->AddBounds(stiffness, damping);
+  }
+  for (const CarriedParticle& c : model_->carried) {
+    for (int k = 0; k < 4; ++k) {
+      stiffness[c.carriers[k]] += std::abs(c.weights[k]) * stiffness[c.particle];
+      damping[c.carriers[k]] += std::abs(c.weights[k]) * damping[c.particle];
+    }
+  }
   double largest_dt_s = std::numeric_limits<double>::infinity();
   for (std::size_t p = 0; p < stiffness.size(); ++p) {
-    if (model_->fixed[p]) continue;
+    if (model_->fixed[p] || !(model_->mass_kg[p] > 0)) continue;
     const double w_sq = stiffness[p] / model_->mass_kg[p], d = damping[p] / model_->mass_kg[p];
     if (w_sq > 0) {
       largest_dt_s = std::min(largest_dt_s, (std::sqrt(d * d + 4 * w_sq) - d) / w_sq);
@@ -143,12 +190,15 @@ void Pipeline::NameStages() {
   }
   if (tool_set_) tools_stage_ = clock_.Add("tools", "tools");
   solve_stage_ = clock_.Add("solve", rows ? "bodies, effects: volume_preservation" : "bodies");
+  if (force_error_) error_stage_ = clock_.Add("error", "tools' force error bars");
   book_stage_ = clock_.Add("book", "energy and momentum ledgers");
 }
 
 void Pipeline::MakeStartState() {
   start_.position_m = model_->rest_position_m;
   start_.velocity_m_s = model_->initial_velocity_m_s;
+  Carry(*model_, start_.position_m);
+  Carry(*model_, start_.velocity_m_s);
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     effects_[e]->InitialState(
         std::span(start_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()));
@@ -161,8 +211,7 @@ void Pipeline::MakeStartState() {
   if (adhesive_) {
     overlap_ = std::make_unique<Overlap>(*model_);
     start_.contacts.overlapping = !overlap_->Find(start_.position_m).empty();
-    if (!start_.contacts.overlapping) overlap_.reset();
-    if (overlap_) before_m_ = start_.position_m;
+    before_m_ = start_.position_m;
   }
   zone_builder_->Rebuild(&start_.contacts, &report_);
   // Velocities that pins, rigid bodies or constraints do not permit end here, before the books are

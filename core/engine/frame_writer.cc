@@ -5,7 +5,7 @@
 namespace adhesim {
 
 FrameWriter::FrameWriter(const Model& model, std::span<const std::unique_ptr<Effect>> effects)
-    : model_(model), collides_(model.rest_position_m.size()) {
+    : model_(model), contact_frames_(model), collides_(model.rest_position_m.size()) {
   for (const auto& effect : effects) {
     if (effect->force_kinds() & kElastic) elastic_.push_back(effect.get());
   }
@@ -20,6 +20,7 @@ Frame FrameWriter::Make() const {
   frame.zones.reserve(particles);
   frame.tools.resize(model_.tools.size());
   frame.contact_forces.reserve(particles);
+  if (model_.adhesive) frame.contacts.reserve(ContactFrames::Capacity(model_));
   frame.strain_energy_j.resize(energy_j_.size());
   return frame;
 }
@@ -40,6 +41,7 @@ void FrameWriter::Write(const State& state, Frame* frame) const {
     frame->zones.push_back({zone.id, zone.count, zone.bodies, zone.tool, zone.centre_m, zone.load});
   }
   frame->contact_forces.clear();
+  frame->contacts.clear();
   std::fill(frame->strain_energy_j.begin(), frame->strain_energy_j.end(), 0.0f);
   WriteTools(state, frame);
 }
@@ -57,14 +59,17 @@ void FrameWriter::WriteTools(const State& state, Frame* frame) const {
     out.colliding_particles = 0;
     out.contact_area_m2 = 0;
     out.depth_m = 0;
+    out.force_error_n = out.torque_error_nm = -1;
+    out.stiffness_n_m.setZero();
   }
   for (const Zone& zone : state.contacts.zones) {
     if (zone.tool < 0) continue;
     ToolFrame& tool = frame->tools[zone.tool];
     const Vec3 inward = tool.pose.orientation * Vec3(0, 0, -1);  // from the shaft to the tip
-    tool.colliding_particles += zone.count;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state.contacts.zone_members[k];
+      if (!(model_.area_m2[p] > 0)) continue;  // it only carries what touches
+      ++tool.colliding_particles;
       tool.contact_area_m2 += model_.area_m2[p];
       tool.depth_m += inward.dot(state.position_m[p] - model_.rest_position_m[p]);
     }
@@ -75,11 +80,18 @@ void FrameWriter::WriteTools(const State& state, Frame* frame) const {
 }
 
 void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
-                              Frame* frame) const {
+                              std::span<const ForceError::Bar> error_bar, Frame* frame) const {
+  for (std::size_t t = 0; t < error_bar.size(); ++t) {
+    if (!error_bar[t].known) continue;
+    frame->tools[t].force_error_n = error_bar[t].force_n;
+    frame->tools[t].torque_error_nm = error_bar[t].torque_nm;
+    frame->tools[t].stiffness_n_m = error_bar[t].stiffness_n_m;
+  }
   std::fill(energy_j_.begin(), energy_j_.end(), 0.0);
   for (const Effect* effect : elastic_) effect->AddEnergies(energy_j_);
   std::copy(energy_j_.begin(), energy_j_.end(), frame->strain_energy_j.begin());
 
+  if (model_.adhesive) contact_frames_.Write(state, load_n, &frame->contacts);
   // A fixed particle's load, and a rigid body's, is not of the contact alone.
   const auto mark = [this](int p) {
     if (!model_.fixed[p] && !model_.bodies[model_.body_of[p]].rigid) collides_[p] = 1;

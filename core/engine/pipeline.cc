@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/carried.h"
+
 namespace adhesim {
 namespace {
 
 constexpr int kReleasePasses = 8;     // releases of one sub-step; the rest waits for the next
+constexpr int kCrossingPasses = 8;    // captures of what would pass through in one sub-step
 constexpr double kJumpSeconds = 0.1;  // a target further than the tool goes in this time has jumped
 
 }  // namespace
@@ -27,6 +30,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   const double dt_s = model_->dt_s / substeps;
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
+  std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
   for (int k = 0; k < substeps; ++k) Substep(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
@@ -70,6 +74,27 @@ void Pipeline::SetTargets(std::span<const ToolInput> tools) {
   }
 }
 
+// About the velocity that a tool's coupling leads to in this step, against the tissue's force of
+// the last one. What the distance from the target alone says is of no use in long steps: a tool
+// that presses lags behind its target without moving.
+Twist Pipeline::ComingTwist(int t) const {
+  const ToolState& tool = state_.tools[t];
+  const CouplingParameters& coupling = model_->tools[t].coupling;
+  const double dt_s = model_->dt_s, length_m = ToolLength(model_->tools[t]);
+  const auto coming = [dt_s](const Vec3& velocity, const Vec3& error, const Vec3& force,
+                             double stiffness, double inertia) -> Vec3 {
+    const double time_s = std::sqrt(inertia / stiffness);  // of the critically damped spring
+    return (time_s * time_s * velocity + dt_s * (error + force / stiffness)) /
+           ((time_s + dt_s) * (time_s + dt_s));
+  };
+  const Quat turn = tool.target.orientation * tool.pose.orientation.conjugate();
+  const Vec3 angle = (turn.w() < 0 ? -2.0 : 2.0) * turn.vec();
+  return {coming(tool.twist.linear_m_s, tool.target.position_m - tool.pose.position_m,
+                 tool.tissue.force_n, coupling.stiffness_n_m, coupling.mass_kg),
+          coming(tool.twist.angular_rad_s, angle, tool.tissue.torque_nm,
+                 coupling.angular_stiffness_nm_rad, coupling.mass_kg * length_m * length_m / 3)};
+}
+
 // At least what the elastic stability bound needs, and so many that nothing crosses half a capture
 // distance in one. Two things close in at most by the diagonal of the box around all velocities,
 // whatever they have in common.
@@ -81,8 +106,16 @@ int Pipeline::SubstepsNow() {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
     const double limit = model_->tools[t].coupling.max_speed_m_s;
-    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
     velocities.Add(tool.twist.linear_m_s);
+    if (implicit_) {
+      const Twist coming = ComingTwist(static_cast<int>(t));
+      velocities.Add(Vec3(coming.linear_m_s * std::min(1.0, limit / coming.linear_m_s.norm())));
+      const double turn = std::max(tool.twist.angular_rad_s.norm(), coming.angular_rad_s.norm());
+      turning_m_s = std::max(turning_m_s,
+                             std::min(limit / kSpeedRadius, turn) * ToolLength(model_->tools[t]));
+      continue;
+    }
+    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
     if (away.squaredNorm() > 0) {
       velocities.Add(
           Vec3(away.normalized() * std::min(limit, tool.twist.linear_m_s.norm() + away.norm())));
@@ -123,6 +156,7 @@ void Pipeline::Substep(double dt_s) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
+  if (force_error_) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -140,12 +174,13 @@ void Pipeline::Substep(double dt_s) {
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
   near_ = detector_->Find(state_.position_m, &parallel_);
-  const std::span<const NearEdges> edges =
-      detector_->FindEdges(state_.position_m, &parallel_, &report_);
+  near_edges_ = detector_->FindEdges(state_.position_m, &parallel_, &report_);
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
-  int changes = adhesive_->FollowSliding(near_, &state_.contacts);
-  changes += adhesive_->Capture(near_, edges, state_, dt_s, &state_.contacts, &report_);
+  near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
+  int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
+  changes += adhesive_->FollowSliding(near_, &state_.contacts);
+  changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
@@ -189,6 +224,7 @@ void Pipeline::Separate() {
 
 double Pipeline::AddAllForces() {
   for (auto& force : force_n_) std::fill(force.begin(), force.end(), Vec3::Zero());
+  std::fill(implicit_damping_n_.begin(), implicit_damping_n_.end(), Vec3::Zero());
   const ForceOutput out{force_n_[0], force_n_[1], force_n_[2], force_n_[3]};
   double elastic_j = 0;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
@@ -200,8 +236,15 @@ double Pipeline::AddAllForces() {
         std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
         &parallel_,
         near_};
-    elastic_j += effects_[e]->AddForces(in, out);
+    ForceOutput to = out;
+    if (IsImplicit(*effects_[e])) to.damping = implicit_damping_n_;
+    elastic_j += effects_[e]->AddForces(in, to);
     clock_.Lap(effect_stage_[e]);
+  }
+  if (!model_->carried.empty()) {
+    for (auto& force : force_n_) {
+      if (!force.empty()) GiveToCarriers(*model_, force);
+    }
   }
   return elastic_j;
 }
@@ -297,20 +340,51 @@ Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
   return {};
 }
 
+void Pipeline::BoundToolForces(double dt_s) {
+  force_error_->Update(state_, solver_->groups(), dt_s, implicit_.get(), &parallel_);
+  const double share = dt_s / model_->dt_s;
+  for (std::size_t t = 0; t < error_bar_.size(); ++t) {
+    const ForceError::Bar& bar = force_error_->bars()[t];
+    if (!bar.known) continue;
+    error_bar_[t] = {true, error_bar_[t].force_n + share * bar.force_n,
+                     error_bar_[t].torque_nm + share * bar.torque_nm, bar.stiffness_n_m};
+  }
+  clock_.Lap(error_stage_);
+}
+
+// Until nothing lets go any more, and then until nothing passes through anything: what is caught
+// then holds until the next sub-step.
 void Pipeline::Solve(double dt_s) {
-  for (int pass = 0;; ++pass) {
-    solver_->Try(state_, total_force_n_, tool_twist_, dt_s, &parallel_, &report_);
-    if (!adhesive_) return;
-    if (pass == kReleasePasses) {
-      report_.bits |= kStepReleasePasses;
-      return;
+  const ImplicitSolver::Forces forces{{force_n_[0], force_n_[1], force_n_[2], force_n_[3]},
+                                      total_force_n_};
+  if (implicit_) implicit_->Begin(state_, near_, forces, dt_s, &parallel_);
+  int passes = 0, caught = 0;
+  for (bool releasing = true;;) {
+    solver_->FormGroups(state_, tool_twist_);
+    if (implicit_) {
+      implicit_->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
     }
-    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
-                                            pass == 0 ? dt_s : 0, &state_.contacts);
-    if (released == 0) return;
-    report_.releases += released;
+    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
+    if (!adhesive_) return;
+    int changes = 0;
+    if (releasing && passes < kReleasePasses) {
+      changes = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
+                                   passes == 0 ? dt_s : 0, &state_.contacts);
+      report_.releases += changes;
+      if (++passes == kReleasePasses && changes > 0) report_.bits |= kStepReleasePasses;
+    }
+    if (changes == 0) {
+      releasing = false;
+      changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
+                                           &state_.contacts, &report_);
+      if (changes == 0) return;
+      if (++caught > kCrossingPasses) {
+        report_.bits |= kStepReleasePasses;
+        return;
+      }
+    }
     zone_builder_->Rebuild(&state_.contacts, &report_);
-    // Letting go changes no velocity; this only renews the zones' own momenta.
+    // Letting go changes no velocity; this only renews the zones' own momenta then.
     solver_->Capture(&state_, tool_impulse_);
   }
 }
@@ -327,6 +401,7 @@ void Pipeline::Restore(const State& state) {
   state_ = state;
   frozen_ = false;
   has_forces_ = false;
+  if (force_error_) force_error_->Forget();
 }
 
 double Pipeline::MechanicalEnergy() const {
@@ -368,7 +443,7 @@ Frame Pipeline::MakeFrame() const {
 void Pipeline::WriteFrame(Frame* frame) const {
   frame->report = report_;
   frame_writer_->Write(state_, frame);
-  if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), frame);
+  if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), error_bar_, frame);
 }
 
 }  // namespace adhesim

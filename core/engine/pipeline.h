@@ -13,6 +13,8 @@
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
+#include "core/solve/force_error.h"
+#include "core/solve/implicit_solver.h"
 #include "core/solve/ledger.h"
 #include "core/solve/subspace_solver.h"
 #include "core/tools/coupling.h"
@@ -46,6 +48,7 @@ class Pipeline : public Engine {
   Pipeline(std::shared_ptr<const Model> model, const Options& options)
       : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
+  absl::Status CompileImplicit();
   void CompileContact();
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
@@ -53,6 +56,7 @@ class Pipeline : public Engine {
   void MakeStartState();
 
   int SubstepsNow();
+  Twist ComingTwist(int tool) const;
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
   void Separate();
@@ -63,9 +67,11 @@ class Pipeline : public Engine {
   double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
                           const ForceOutput& out) const;
   void MoveTools(double dt_s);
+  void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
   void Solve(double dt_s);
+  bool IsImplicit(const Effect& effect) const { return implicit_ && effect.has_stiffness(); }
   bool Finite() const;
 
   std::shared_ptr<const Model> model_;
@@ -81,30 +87,36 @@ class Pipeline : public Engine {
   std::unique_ptr<Detector> detector_;   // null without contact
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
-  std::unique_ptr<Overlap> overlap_;  // null when no bodies overlap at the start
+  std::unique_ptr<Overlap> overlap_;  // null without an adhesive
   std::vector<Vec3> before_m_;        // [#particles] likewise empty
   std::unique_ptr<ZoneBuilder> zone_builder_;
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
+  std::unique_ptr<ImplicitSolver> implicit_;  // null where every force is explicit
+  std::unique_ptr<ForceError> force_error_;   // null without tools or implicit forces
   std::unique_ptr<FrameWriter> frame_writer_;
   bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
   // Scratch.
   std::array<std::vector<Vec3>, kForceKinds>
-      force_n_;                      // [#particles] each; empty: no effect adds that kind
-  std::vector<Vec3> total_force_n_;  // [#particles]
-  std::vector<Twist> tool_twist_;    // [#tools] for the coming sub-step
-  std::vector<Pose> tool_pose_;      // [#tools]
+      force_n_;                           // [#particles] each; empty: no effect adds that kind
+  std::vector<Vec3> total_force_n_;       // [#particles]
+  std::vector<Vec3> implicit_damping_n_;  // [#particles] goes unused: implicit steps find their own
+  std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
+  std::vector<Pose> tool_pose_;           // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
-  std::vector<double> strength_scale_;                   // [#tools]
-  std::vector<std::uint8_t> retracted_;                  // [#tools]
-  std::span<const NearPair> near_;                       // of this sub-step
-  std::span<const Adhesive::NearTool> near_tools_;       // of this sub-step
+  std::vector<ForceError::Bar> error_bar_;          // [#tools] mean over the step; empty likewise
+  std::vector<double> strength_scale_;              // [#tools]
+  std::vector<std::uint8_t> retracted_;             // [#tools]
+  std::span<const NearPair> near_;                  // of this sub-step
+  std::span<const NearEdges> near_edges_;           // of this sub-step
+  std::span<const Adhesive::NearTool> near_tools_;  // of this sub-step
 
   StageClock clock_;
   std::vector<int> effect_stage_;  // [#effects]
-  int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, book_stage_ = 0;
+  int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
+      book_stage_ = 0;
 };
 
 }  // namespace adhesim

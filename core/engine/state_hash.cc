@@ -58,6 +58,7 @@ std::uint64_t HashState(const State& state) {
   hash.Add(state.step);
   hash.Add(std::span(state.position_m));
   hash.Add(std::span(state.velocity_m_s));
+  hash.Add(std::span(state.velocity_change_m_s));
   hash.Add(std::span(state.effect_state));
   if (state.contacts.draws > 0) hash.Add(state.contacts.draws);
   for (const Zone& zone : state.contacts.zones) {

@@ -18,7 +18,7 @@ BlockMatrix::BlockMatrix(int particles, Pattern pattern) {
     column_.push_back(j);
   }
   for (int i = 0; i < particles; ++i) row_start_[i + 1] += row_start_[i];
-  block_.assign(column_.size(), Mat3::Zero());
+  block_.assign(column_.size() + 1, Mat3::Zero());
 }
 
 std::int32_t BlockMatrix::Slot(std::int32_t i, std::int32_t j) const {

@@ -135,6 +135,8 @@ struct State {
   double time_s = 0;
   std::vector<Vec3> position_m;    // [#particles] written by `move`
   std::vector<Vec3> velocity_m_s;  // [#particles] written by `move` and `zones`
+  std::vector<Vec3> velocity_change_m_s;  // [#particles] in the last sub-step, written by `solve`:
+                                          // where implicit steps start; empty in explicit ones
   std::vector<double>
       effect_state;              // what effects declared (rotations, damage); each knows its part
   Contacts contacts;             // written by `zones` and `solve`

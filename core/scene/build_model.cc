@@ -10,73 +10,21 @@
 #include <string>
 #include <utility>
 
+#include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
 #include "core/scene/field_value.h"
-#include "core/scene/mesh/check_mesh.h"
-#include "core/scene/mesh/generate.h"
-#include "core/scene/mesh/read_mesh.h"
-#include "core/scene/mesh/read_surface.h"
-#include "core/scene/mesh/simplify.h"
 #include "core/scene/mesh/topology.h"
 #include "core/scene/place_body.h"
 
 namespace adhesim {
 namespace {
 
-// Far beyond what runs in real time. The limit keeps a slip of the keyboard (a sheet of a thousand
-// by a thousand, a hundred times) from exhausting the machine's memory.
-constexpr int kMaxParticles = 1'000'000;
-
 bool HasError(const Problems& problems) {
   return std::any_of(problems.begin(), problems.end(), [](const Problem& p) { return !p.warning; });
 }
 
-// The surface of a body in its shape's own coordinates [m].
-absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string& directory) {
-  const auto count = [](const google::protobuf::Message& message, const char* field) {
-    return static_cast<int>(NumberOf(message, field));
-  };
-  switch (body.shape_case()) {
-    case v1::Body::kIcosphere:
-      return MakeIcosphere(body.icosphere().radius_m(), count(body.icosphere(), "subdivisions"));
-    case v1::Body::kSheet:
-      return MakeSheet(body.sheet().length_m(), body.sheet().width_m(),
-                       count(body.sheet(), "columns"), count(body.sheet(), "rows"));
-    case v1::Body::kBlock:
-      return MakeBlock(Vec3Of(body.block(), "size_m"), count(body.block(), "cells"));
-    case v1::Body::kOrgan:
-      return MakeOrgan(NumberOf(body.organ(), "length_m"), count(body.organ(), "particles"));
-    case v1::Body::kMesh: {
-      const absl::StatusOr<std::string> file = ResolveFile(body.mesh().file(), directory);
-      if (!file.ok()) return file.status();
-      absl::StatusOr<TriangleMesh> mesh = ReadMesh(*file, body.mesh().component());
-      if (!mesh.ok()) return mesh;
-      for (Vec3& v : mesh->vertices) v *= NumberOf(body.mesh(), "scale_m");
-      if (!body.mesh().has_particles()) return mesh;
-      return Decimated(*mesh, count(body.mesh(), "particles"));
-    }
-    case v1::Body::kLabelMap: {
-      const absl::StatusOr<std::string> file = ResolveFile(body.label_map().file(), directory);
-      if (!file.ok()) return file.status();
-      return ReadLabelSurface(*file, count(body.label_map(), "particles"));
-    }
-    case v1::Body::SHAPE_NOT_SET:
-      break;
-  }
-  return absl::InvalidArgumentError("the body has no shape");
-}
-
-// The field that a body's surface comes from, for messages about it: "bodies[1].mesh.file".
-std::string SurfacePath(const v1::Body& body, const std::string& path) {
-  const auto* shape = body.GetDescriptor()->FindOneofByName("shape");
-  const auto* field = body.GetReflection()->GetOneofFieldDescriptor(body, shape);
-  if (field == nullptr) return path;
-  return absl::StrCat(path, ".", field->name(),
-                      body.has_mesh() || body.has_label_map() ? ".file" : "");
-}
-
-void BuildCopies(const v1::Body& body, const TriangleMesh& mesh, const std::string& path,
-                 Model* model, Problems* problems) {
+void BuildCopies(const v1::Body& body, const TetMesh& mesh, const std::string& path, Model* model,
+                 Problems* problems) {
   // Different bodies of a scene do not share their places.
   const absl::StatusOr<std::vector<CopyPlace>> places =
       PlaceCopies(body.copies(), model->seed + model->bodies.size());
@@ -102,26 +50,22 @@ void BuildCopies(const v1::Body& body, const TriangleMesh& mesh, const std::stri
 void BuildBody(const v1::Body& body, int index, const std::string& directory, Model* model,
                Problems* problems) {
   const std::string path = absl::StrCat("bodies[", index, "]");
-  const std::string surface_path = SurfacePath(body, path);
-  const absl::StatusOr<TriangleMesh> mesh = MakeSurface(body, directory);
-  if (!mesh.ok()) {
-    problems->push_back({surface_path, std::string(mesh.status().message())});
-    return;
-  }
-  const std::uint64_t copies = body.has_copies() ? body.copies().count() : 1;
-  const auto particles = model->particle_count() + copies * mesh->vertices.size();
-  if (particles > kMaxParticles) {
-    problems->push_back(
-        {surface_path, absl::StrCat("brings the scene to ", particles, " particles; at most ",
-                                    kMaxParticles, " are permitted")});
-    return;
-  }
-  const std::string file = body.has_mesh() ? absl::StrCat("'", body.mesh().file(), "': ") : "";
   Problems found;
-  for (const MeshFlaw& flaw : CheckMesh(*mesh).flaws) {
-    found.push_back({surface_path, absl::StrCat(file, flaw.message), flaw.warning});
+  const std::optional<TetMesh> mesh = MakeBodyMesh(body, path, directory, &found);
+  if (mesh) {
+    const std::int64_t copies = body.has_copies() ? body.copies().count() : 1;
+    const auto refuse_above = [&](std::int64_t limit, std::int64_t present, std::int64_t added,
+                                  const char* of_what) {
+      if (present + copies * added <= limit) return;
+      found.push_back({ShapePath(body, path),
+                       absl::StrCat("brings the scene to ", present + copies * added, " ", of_what,
+                                    "; at most ", limit, " are permitted")});
+    };
+    refuse_above(kMaxParticles, model->particle_count(), mesh->surface.vertices.size(),
+                 "particles");
+    refuse_above(kMaxTetrahedra, model->tetrahedra.size(), mesh->tetrahedra.size(), "tetrahedra");
   }
-  if (!HasError(found)) {
+  if (mesh && !HasError(found)) {
     if (body.has_copies()) {
       BuildCopies(body, *mesh, path, model, &found);
     } else {
@@ -254,6 +198,24 @@ void BuildEffects(const v1::Scene& scene, Model* model, Problems* problems) {
   }
 }
 
+// Linearly implicit where a body is elastic inside, unless the scene says otherwise.
+Integrator IntegratorOf(const v1::Scene& scene) {
+  switch (scene.integration().integrator()) {
+    case v1::INTEGRATOR_EXPLICIT:
+      return Integrator::kExplicit;
+    case v1::INTEGRATOR_IMPLICIT:
+      return Integrator::kImplicit;
+    case v1::INTEGRATOR_NEWTON:
+      return Integrator::kNewton;
+    default:
+      break;
+  }
+  for (const v1::Effect& effect : scene.effects()) {
+    if (effect.has_elasticity()) return Integrator::kImplicit;
+  }
+  return Integrator::kExplicit;
+}
+
 void BuildConnectivity(Model* model) {
   const int n = model->particle_count();
   IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
@@ -273,6 +235,9 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   model->dt_s = 1.0 / NumberOf(scene, "rate_hz");
   model->stability_fraction = NumberOf(scene.integration(), "stability_fraction");
   model->max_substeps = static_cast<int>(NumberOf(scene.integration(), "max_substeps"));
+  model->integrator = IntegratorOf(scene);
+  model->tolerance = NumberOf(scene.integration(), "tolerance");
+  model->max_iterations = static_cast<int>(NumberOf(scene.integration(), "max_iterations"));
   model->seed =
       scene.has_seed() ? scene.seed() : static_cast<std::uint64_t>(NumberOf(scene, "seed"));
   for (int i = 0; i < scene.bodies_size(); ++i) {

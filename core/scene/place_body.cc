@@ -1,11 +1,15 @@
 #include "core/scene/place_body.h"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/topology.h"
@@ -37,7 +41,10 @@ std::pair<double, double> CosSin(double degrees) {
   }
 }
 
-// Whether a region holds a particle. `on_border`: the particle is a boundary vertex of its surface.
+// The part of a body that a region selects: 1 for each of its particles.
+using Selection = std::vector<std::uint8_t>;
+
+// `on_border`: the particle is a boundary vertex of its surface.
 bool Holds(const v1::Region& region, const Vec3& point, bool on_border) {
   switch (region.kind_case()) {
     case v1::Region::kAll:
@@ -50,15 +57,59 @@ bool Holds(const v1::Region& region, const Vec3& point, bool on_border) {
     }
     case v1::Region::kBall:
       return (point - Vec3Of(region.ball(), "centre_m")).norm() <= region.ball().radius_m();
-    case v1::Region::KIND_NOT_SET:
+    default:
       return false;
   }
-  return false;
+}
+
+// The corners of tetrahedra with a label or in a group, and the nodes of a group of the surface.
+void SelectByName(const v1::Region& region, const TetMesh& mesh, Selection* selected) {
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const bool has_label = region.has_label() && mesh.label[t] >= 0 &&
+                           static_cast<std::uint32_t>(mesh.label[t]) == region.label();
+    const bool has_group = region.has_group() && mesh.group[t] >= 0 &&
+                           mesh.group_names[mesh.group[t]] == region.group();
+    if (!has_label && !has_group) continue;
+    for (const std::int32_t node : mesh.tetrahedra[t]) (*selected)[node] = 1;
+  }
+  for (const NodeGroup& group : mesh.node_groups) {
+    if (!region.has_group() || group.name != region.group()) continue;
+    for (const std::int32_t node : group.nodes) (*selected)[node] = 1;
+  }
+}
+
+// Particles with a mass of their own take the place of those that are carried: a region that holds
+// none but carried ones selects their carriers.
+void GiveToCarriers(const TetMesh& mesh, Selection* selected) {
+  std::vector<const CarriedParticle*> carried;
+  for (const CarriedParticle& c : mesh.carried) {
+    if ((*selected)[c.particle]) carried.push_back(&c);
+    (*selected)[c.particle] = 0;
+  }
+  if (std::find(selected->begin(), selected->end(), 1) != selected->end()) return;
+  for (const CarriedParticle* c : carried) {
+    for (const std::int32_t carrier : c->carriers) (*selected)[carrier] = 1;
+  }
+}
+
+std::string NothingSelected(const v1::Body& body, const v1::Region& region, const Body& placed,
+                            const TetMesh& mesh) {
+  std::string why = absl::StrCat("selects no particle of body '", body.name(), "'");
+  if (region.has_border() && placed.closed)
+    absl::StrAppend(&why, ": its surface is closed and has no border");
+  if (region.has_group()) {
+    std::vector<std::string> names = mesh.group_names;
+    for (const NodeGroup& group : mesh.node_groups) names.push_back(group.name);
+    absl::StrAppend(&why, names.empty() ? ": it has no groups"
+                                        : ": its groups are " + absl::StrJoin(names, ", "));
+  }
+  return why;
 }
 
 // Marks the particles of all regions of a body; each region must select at least one.
-void Fix(const v1::Body& body, const std::vector<std::uint8_t>& on_border, const std::string& path,
-         const Body& placed, Model* model, Problems* problems) {
+void Fix(const v1::Body& body, const Selection& on_border, const std::string& path,
+         const Body& placed, const TetMesh& mesh, Model* model, Problems* problems) {
+  std::uint8_t* fixed = model->fixed.data() + placed.first_particle;
   for (int r = 0; r < body.fixed_size(); ++r) {
     const v1::Region& region = body.fixed(r);
     const std::string region_path = absl::StrCat(path, ".fixed[", r, "]");
@@ -67,18 +118,23 @@ void Fix(const v1::Body& body, const std::vector<std::uint8_t>& on_border, const
                            "the direction has no length; any other length is permitted"});
       continue;
     }
-    int selected = 0;
+    Selection selected(placed.particle_count, 0);
     for (int i = 0; i < placed.particle_count; ++i) {
-      const int particle = placed.first_particle + i;
-      if (!Holds(region, model->rest_position_m[particle], on_border[i])) continue;
-      model->fixed[particle] = 1;
-      ++selected;
+      selected[i] = Holds(region, model->rest_position_m[placed.first_particle + i], on_border[i]);
     }
-    if (selected > 0) continue;
-    std::string why = absl::StrCat("selects no particle of body '", body.name(), "'");
-    if (region.has_border() && placed.closed)
-      absl::StrAppend(&why, ": its surface is closed and has no border");
-    problems->push_back({region_path, why});
+    if (region.has_label() || region.has_group()) SelectByName(region, mesh, &selected);
+    GiveToCarriers(mesh, &selected);
+    bool any = false;
+    for (int i = 0; i < placed.particle_count; ++i) {
+      if (!selected[i]) continue;
+      fixed[i] = 1;
+      any = true;
+    }
+    if (!any) problems->push_back({region_path, NothingSelected(body, region, placed, mesh)});
+  }
+  for (const CarriedParticle& c : mesh.carried) {
+    fixed[c.particle] = std::all_of(c.carriers.begin(), c.carriers.end(),
+                                    [&](std::int32_t carrier) { return fixed[carrier] == 1; });
   }
 }
 
@@ -98,6 +154,66 @@ void SetVelocities(const v1::Body& body, const Body& placed, Model* model) {
   for (int i = first; i < last; ++i) {
     if (model->fixed[i]) continue;
     model->initial_velocity_m_s[i] = linear + angular.cross(model->rest_position_m[i] - centre);
+  }
+}
+
+// What a whole is made of: each particle's share [#particles], and the sum, counted element by
+// element.
+struct Shares {
+  std::vector<double> of;
+  double total = 0;
+};
+
+// A third of each triangle's area belongs to each of its corners [m^2].
+Shares SharesOfArea(const TriangleMesh& surface) {
+  Shares shares{std::vector<double>(surface.vertices.size(), 0)};
+  for (const auto [a, b, c] : surface.triangles) {
+    const double area_m2 =
+        AreaVector(surface.vertices[a], surface.vertices[b], surface.vertices[c]).norm();
+    shares.total += area_m2;
+    for (const int v : {a, b, c}) shares.of[v] += area_m2 / 3;
+  }
+  return shares;
+}
+
+// A quarter of each tetrahedron's filled volume belongs to each of its corners [m^3].
+Shares SharesOfVolume(const std::vector<Vec3>& nodes, const TetMesh& mesh) {
+  Shares shares{std::vector<double>(nodes.size(), 0)};
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    const double volume_m3 = mesh.fill[t] * TetVolume(nodes, mesh.tetrahedra[t]);
+    shares.total += volume_m3;
+    for (const std::int32_t node : mesh.tetrahedra[t]) shares.of[node] += volume_m3 / 4;
+  }
+  return shares;
+}
+
+// The model's number of a group; groups of the same name in several bodies are one.
+std::int32_t GroupNumber(const std::string& name, Model* model) {
+  const auto found = std::find(model->group_names.begin(), model->group_names.end(), name);
+  const auto number = static_cast<std::int32_t>(found - model->group_names.begin());
+  if (found == model->group_names.end()) model->group_names.push_back(name);
+  return number;
+}
+
+void AppendTetrahedra(const TetMesh& mesh, Model* model, Body* placed) {
+  placed->first_tetrahedron = static_cast<std::int32_t>(model->tetrahedra.size());
+  placed->tetrahedron_count = static_cast<std::int32_t>(mesh.tetrahedra.size());
+  std::vector<std::int32_t> group_number;
+  for (const std::string& name : mesh.group_names) {
+    group_number.push_back(GroupNumber(name, model));
+  }
+  const auto moved = [&](Tetrahedron tetrahedron) {
+    for (std::int32_t& node : tetrahedron) node += placed->first_particle;
+    return tetrahedron;
+  };
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    model->tetrahedra.push_back(moved(mesh.tetrahedra[t]));
+    model->fill.push_back(mesh.fill[t]);
+    model->tet_label.push_back(mesh.label[t]);
+    model->tet_group.push_back(mesh.group[t] < 0 ? -1 : group_number[mesh.group[t]]);
+  }
+  for (const CarriedParticle& c : mesh.carried) {
+    model->carried.push_back({c.particle + placed->first_particle, moved(c.carriers), c.weights});
   }
 }
 
@@ -130,58 +246,58 @@ Mat3 RotationFromDegrees(const Vec3& degrees) {
   return about_z * about_y * about_x;
 }
 
-void PlaceBody(const v1::Body& body, const TriangleMesh& mesh, const std::string& path,
-               Model* model, Problems* problems) {
+void PlaceBody(const v1::Body& body, const TetMesh& mesh, const std::string& path, Model* model,
+               Problems* problems) {
   Body placed;
   placed.name = placed.scene_name = body.name();
   placed.rigid = static_cast<int>(NumberOf(body, "kind")) == v1::BODY_KIND_RIGID;
   placed.first_particle = model->particle_count();
-  placed.particle_count = static_cast<int>(mesh.vertices.size());
+  placed.particle_count = static_cast<int>(mesh.surface.vertices.size());
   placed.first_triangle = static_cast<int>(model->triangles.size());
-  placed.triangle_count = static_cast<int>(mesh.triangles.size());
+  placed.triangle_count = static_cast<int>(mesh.surface.triangles.size());
 
   const Mat3 rotation = RotationFromDegrees(Vec3Of(body, "rotation_deg"));
   const Vec3 position = Vec3Of(body, "position_m");
-  TriangleMesh world{{}, mesh.triangles};
+  TriangleMesh world{{}, mesh.surface.triangles};
   Aabb box;
-  for (const Vec3& vertex : mesh.vertices) {
+  for (const Vec3& vertex : mesh.surface.vertices) {
     world.vertices.push_back(rotation * vertex + position);
     box.Add(world.vertices.back());
   }
   placed.size_m = (box.max - box.min).norm();
 
-  // A third of each triangle's area belongs to each of its corners; mass follows area.
-  std::vector<double> area(mesh.vertices.size(), 0);
-  double total_area = 0;
+  const Shares area = SharesOfArea(world);
   for (const auto [a, b, c] : world.triangles) {
-    const double triangle_area =
-        AreaVector(world.vertices[a], world.vertices[b], world.vertices[c]).norm();
-    total_area += triangle_area;
-    for (const int v : {a, b, c}) area[v] += triangle_area / 3;
     model->triangles.push_back(
         {a + placed.first_particle, b + placed.first_particle, c + placed.first_particle});
   }
-  const std::vector<TriangleSide> sides = SortedSides(mesh.triangles);
-  const std::vector<std::uint8_t> on_border = BoundaryVertices(sides, placed.particle_count);
+  const std::vector<TriangleSide> sides = SortedSides(world.triangles);
+  const Selection on_border = BoundaryVertices(sides, placed.particle_count);
   placed.closed = std::find(on_border.begin(), on_border.end(), 1) == on_border.end();
   if (placed.closed) placed.rest_volume_m3 = EnclosedVolume(world);
-  if (body.has_density_kg_m3() && !placed.closed) {
+  const bool has_volume = placed.closed || !mesh.tetrahedra.empty();
+  if (body.has_density_kg_m3() && !has_volume) {
     problems->push_back(
         {path + ".density_kg_m3", "needs a volume, and the surface is open; permitted: mass_kg"});
   }
+  // Mass follows area, or volume where there is any.
+  const bool solid = !mesh.tetrahedra.empty();
+  const Shares share = solid ? SharesOfVolume(world.vertices, mesh) : area;
+  const double volume_m3 = solid ? share.total : placed.rest_volume_m3;
   const double mass_kg =
-      body.has_density_kg_m3() ? body.density_kg_m3() * placed.rest_volume_m3 : body.mass_kg();
+      body.has_density_kg_m3() ? body.density_kg_m3() * volume_m3 : body.mass_kg();
   const int body_index = static_cast<int>(model->bodies.size());
   for (std::size_t i = 0; i < world.vertices.size(); ++i) {
     model->rest_position_m.push_back(world.vertices[i]);
     model->initial_velocity_m_s.push_back(Vec3::Zero());
-    model->area_m2.push_back(area[i]);
-    model->mass_kg.push_back(mass_kg * (area[i] / total_area));
+    model->area_m2.push_back(area.of[i]);
+    model->mass_kg.push_back(mass_kg * (share.of[i] / share.total));
     model->fixed.push_back(0);
     model->body_of.push_back(body_index);
   }
+  AppendTetrahedra(mesh, model, &placed);
 
-  Fix(body, on_border, path, placed, model, problems);
+  Fix(body, on_border, path, placed, mesh, model, problems);
   if (placed.rigid && PinsLock(*model, placed)) {
     std::fill_n(model->fixed.begin() + placed.first_particle, placed.particle_count, 1);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "core/scene/did_you_mean.h"
 #include "core/scene/field_options.h"
@@ -54,14 +55,23 @@ void CheckRegion(const v1::Region& region, const std::string& path, Problems* pr
   }
 }
 
-void CheckMass(const v1::Body& body, const std::string& path, Problems* problems) {
-  if (body.has_mass_kg() && body.has_density_kg_m3()) {
-    problems->push_back({path + ".density_kg_m3", "excludes mass_kg: write one of them"});
+bool HasTetrahedra(const v1::Body& body) { return body.has_tetrahedra() || body.has_tet_mesh(); }
+
+void CheckTetrahedra(const v1::Body& body, const std::string& path, Problems* problems) {
+  const std::string field = path + (body.has_tetrahedra() ? ".tetrahedra" : ".tet_mesh");
+  if (HasTetrahedra(body) && body.kind() == v1::BODY_KIND_RIGID) {
+    problems->push_back({field,
+                         "the body is rigid, and its inside never deforms; permitted: "
+                         "deformable bodies"});
   }
-  if (!body.has_mass_kg() && !body.has_density_kg_m3()) {
-    problems->push_back({path + ".mass_kg",
-                         "is missing; needed: mass_kg, or density_kg_m3 where the body encloses a "
-                         "volume"});
+  if (body.has_tetrahedra() && body.has_tet_mesh()) {
+    problems->push_back({field,
+                         "the file has tetrahedra of its own; permitted: shapes that are "
+                         "surfaces"});
+  }
+  if (body.has_tetrahedra() && body.has_sheet()) {
+    problems->push_back(
+        {field, "a flat sheet has no inside; permitted: other shapes (a thin block)"});
   }
 }
 
@@ -154,9 +164,34 @@ void CheckMuscle(const v1::Scene& scene, const v1::Muscle& muscle, const std::st
   }
 }
 
-// The bodies that an elastic effect acts on: those it names, or every deformable one. Reports rigid
-// ones named and those that an earlier effect of the same kind (in `taken`) acts on.
-void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& named,
+// Which bodies an effect can act on.
+enum class ActsOn {
+  kSurfaces,    // those without tetrahedra
+  kEither,      // both, but only surfaces when none are named
+  kTetrahedra,  // those with tetrahedra
+};
+
+// Why an effect cannot act on a body; empty: it can.
+std::string Unfit(const v1::Body& body, ActsOn acts_on) {
+  const std::string named = absl::StrCat("body ", Quoted(body.name()));
+  if (body.kind() == v1::BODY_KIND_RIGID) {
+    return named + " is rigid; permitted: deformable bodies";
+  }
+  if (acts_on == ActsOn::kSurfaces && HasTetrahedra(body)) {
+    return named + " consists of tetrahedra; permitted: surfaces (its effect is elasticity)";
+  }
+  if (acts_on == ActsOn::kTetrahedra && !HasTetrahedra(body)) {
+    return named +
+           " is its surface only; permitted: bodies with tetrahedra (write `tetrahedra` beside its "
+           "shape)";
+  }
+  return "";
+}
+
+// The bodies that an elastic effect acts on: those it names, or every deformable one of its kind.
+// Reports those named that it cannot act on, and those that an earlier effect of the same kind (in
+// `taken`) acts on.
+void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& named, ActsOn acts_on,
                  const std::string& path, std::map<std::string, int>* taken, int effect,
                  Problems* problems) {
   const auto claim = [&](const std::string& name, const std::string& where) {
@@ -168,38 +203,41 @@ void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& na
     return false;
   };
   if (named.empty()) {
+    const ActsOn by_default = acts_on == ActsOn::kEither ? ActsOn::kSurfaces : acts_on;
     for (const v1::Body& body : scene.bodies()) {
-      if (body.kind() != v1::BODY_KIND_RIGID && !claim(body.name(), path)) return;
+      if (Unfit(body, by_default).empty() && !claim(body.name(), path)) return;
     }
     return;
   }
-  std::map<std::string, bool> rigid;
-  for (const v1::Body& body : scene.bodies())
-    rigid[body.name()] = body.kind() == v1::BODY_KIND_RIGID;
+  std::map<std::string, const v1::Body*> bodies;
+  for (const v1::Body& body : scene.bodies()) bodies[body.name()] = &body;
   for (int i = 0; i < named.size(); ++i) {
     const std::string where = IndexPath(path + ".bodies", i);
-    const auto found = rigid.find(named[i]);
-    if (found == rigid.end()) continue;  // reported as an unknown name
-    if (found->second) {
-      problems->push_back({where, absl::StrCat("body ", Quoted(named[i]),
-                                               " is rigid; permitted: deformable bodies")});
+    const auto found = bodies.find(named[i]);
+    if (found == bodies.end()) continue;  // reported as an unknown name
+    if (std::string why = Unfit(*found->second, acts_on); !why.empty()) {
+      problems->push_back({where, std::move(why)});
     }
     claim(named[i], where);
   }
 }
 
 void CheckEffects(const v1::Scene& scene, Problems* problems) {
-  std::map<std::string, int> shape_memory, volume_preservation;  // effect that acts on each body
+  // The effect that acts on each body.
+  std::map<std::string, int> shape_memory, volume_preservation, elasticity;
   int adhesive = -1;
   for (int i = 0; i < scene.effects_size(); ++i) {
     const v1::Effect& effect = scene.effects(i);
     const std::string path = IndexPath("effects", i);
     if (effect.has_shape_memory()) {
-      ClaimBodies(scene, effect.shape_memory().bodies(), path + ".shape_memory", &shape_memory, i,
-                  problems);
+      ClaimBodies(scene, effect.shape_memory().bodies(), ActsOn::kSurfaces, path + ".shape_memory",
+                  &shape_memory, i, problems);
     } else if (effect.has_volume_preservation()) {
-      ClaimBodies(scene, effect.volume_preservation().bodies(), path + ".volume_preservation",
-                  &volume_preservation, i, problems);
+      ClaimBodies(scene, effect.volume_preservation().bodies(), ActsOn::kEither,
+                  path + ".volume_preservation", &volume_preservation, i, problems);
+    } else if (effect.has_elasticity()) {
+      ClaimBodies(scene, effect.elasticity().bodies(), ActsOn::kTetrahedra, path + ".elasticity",
+                  &elasticity, i, problems);
     } else if (effect.has_virtual_adhesive()) {
       if (adhesive >= 0) {
         problems->push_back(
@@ -224,7 +262,7 @@ void CheckSceneRules(const v1::Scene& scene, Problems* problems) {
   CheckUniqueNames(scene.bodies(), "bodies", problems);
   CheckUniqueNames(scene.tools(), "tools", problems);
   for (int i = 0; i < scene.bodies_size(); ++i) {
-    CheckMass(scene.bodies(i), IndexPath("bodies", i), problems);
+    CheckTetrahedra(scene.bodies(i), IndexPath("bodies", i), problems);
     for (int j = 0; j < scene.bodies(i).fixed_size(); ++j) {
       CheckRegion(scene.bodies(i).fixed(j), IndexPath(IndexPath("bodies", i) + ".fixed", j),
                   problems);

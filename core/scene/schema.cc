@@ -108,7 +108,7 @@ class SchemaWriter {
     schema["properties"] = properties;
     if (!required.empty()) schema["required"] = required;
     for (int i = 0; i < type->real_oneof_decl_count(); ++i)
-      schema["oneOf"] = OneofSchema(type->oneof_decl(i));
+      schema["allOf"].push_back(Json::object({{"oneOf", OneofSchema(type->oneof_decl(i))}}));
     return schema;
   }
 

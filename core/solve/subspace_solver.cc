@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/carried.h"
 #include "core/solve/ledger.h"
 
 namespace adhesim {
 namespace {
 
 constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
+constexpr double kNearlyMet = 1e-10;            // relative volume; above it the step says so
+constexpr double kDiverged = 1e3;               // relative volume
 constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
 constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
@@ -38,8 +41,10 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   rows_ = static_cast<int>(row_.size());
   old_twist_.resize(model.tools.size());
   per_kg_.resize(n);
+  if (!model.carried.empty()) carried_area_m2_.assign(n, 0);
   for (std::size_t p = 0; p < n; ++p) {
-    per_kg_[p].setConstant(model.fixed[p] ? 0 : 1 / model.mass_kg[p]);
+    const bool moves_by_itself = !model.fixed[p] && model.mass_kg[p] > 0;
+    per_kg_[p].setConstant(moves_by_itself ? 1 / model.mass_kg[p] : 0);
   }
   if (rows_ > 0) {
     row_of_.assign(n, -1);
@@ -53,7 +58,7 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   if (rows_ == 0) return;
   on_zone_.reserve(n);
   for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_,
-                      &change_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
+                      &change_, &best_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
     array->assign(rows_, 0);
   }
 }
@@ -69,7 +74,7 @@ void SubspaceSolver::MakeParts() {
   part_grain_ = 1 + static_cast<int>(parts_.size() * std::size_t{kGrain} / (1 + per_kg_.size()));
 }
 
-void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool_twist) {
+void SubspaceSolver::FormGroups(const State& state, std::span<const Twist> tool_twist) {
   groups_.clear();
   for (int z = 0; z < static_cast<int>(state.contacts.zones.size()); ++z) {
     const int tool = state.contacts.zones[z].tool;
@@ -81,7 +86,7 @@ void SubspaceSolver::BuildGroups(const State& state, std::span<const Twist> tool
 
 void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   for (std::size_t t = 0; t < old_twist_.size(); ++t) old_twist_[t] = state->tools[t].twist;
-  BuildGroups(*state, old_twist_);
+  FormGroups(*state, old_twist_);
   for (int p = 0; p < model_.particle_count(); ++p) {
     free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
   }
@@ -99,15 +104,13 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   StoreMomenta(state);
 }
 
-void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
-                         std::span<const Twist> tool_twist, double dt_s, Parallel* parallel,
-                         StepReport* report) {
+void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, double dt_s,
+                         Parallel* parallel, StepReport* report) {
   parallel->VectorFor(model_.particle_count(), kGrain, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);
     for (int i = 3 * begin; i < 3 * end; ++i) free[i] = v[i] + (dt_s * per_kg[i]) * f[i];
   });
-  BuildGroups(state, tool_twist);
   ProjectGroups(state);
   if (rows_ > 0) {
     CollectRows(state);
@@ -129,6 +132,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
     load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
   }
+  if (!model_.carried.empty()) ShareLoads(state.contacts);
 }
 
 void SubspaceSolver::ProjectGroups(const State& state) {
@@ -153,6 +157,7 @@ void SubspaceSolver::KickAll(const State& state) {
       kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : groups_[z].VelocityAt(state.position_m[p]);
     }
   }
+  Carry(model_, kicked_m_s_);
 }
 
 // Positions after the move.
@@ -174,6 +179,7 @@ void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel
       if (!model_.fixed[p]) moved_m_[p] = groups_[z].MovedPosition(state.position_m[p]);
     }
   }
+  Carry(model_, moved_m_);
 }
 
 // Velocities before and after the move that MoveAll() made.
@@ -185,11 +191,32 @@ void SubspaceSolver::FinishMove(const State& state) {
       if (!model_.fixed[p]) moved_velocity_m_s_[p] = groups_[z].MovedVelocity(moved_m_[p]);
     }
   }
+  Carry(model_, moved_velocity_m_s_);
+}
+
+// What carries particles of a zone carries their load: each gets the part that its area has in it.
+void SubspaceSolver::ShareLoads(const Contacts& contacts) {
+  for (int p : contacts.zone_members) carried_area_m2_[p] = 0;
+  const auto for_each = [&](const auto& visit) {
+    for (const CarriedParticle& c : model_.carried) {
+      if (contacts.zone_of[c.particle] < 0) continue;
+      for (int k = 0; k < 4; ++k) {
+        visit(c, c.carriers[k], std::max(c.weights[k], 0.0) * model_.area_m2[c.particle]);
+      }
+    }
+  };
+  for_each([&](const CarriedParticle&, int carrier, double area_m2) {
+    carried_area_m2_[carrier] += area_m2;
+  });
+  for_each([&](const CarriedParticle& c, int carrier, double area_m2) {
+    if (area_m2 > 0) load_n_[c.particle] += area_m2 / carried_area_m2_[carrier] * load_n_[carrier];
+  });
 }
 
 void SubspaceSolver::CollectRows(const State& state) {
   for (const Effect* effect : constraints_)
     effect->ConstraintGradients(state.position_m, gradient_);
+  GiveToCarriers(model_, gradient_);
   for (int r = 0; r < rows_; ++r) {
     double free = 0, all = 0;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
@@ -313,7 +340,7 @@ void SubspaceSolver::MeetSlides(const State& state) {
     // What the sweeps gave to free particles goes on from here.
     for (int p : slides_.particles()) {
       if (model_.fixed[p] || state.contacts.zone_of[p] >= 0) continue;
-      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p) / model_.mass_kg[p];
+      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p).cwiseProduct(per_kg_[p]);
     }
   }
 }
@@ -330,30 +357,46 @@ void SubspaceSolver::Extrapolate(int iteration) {
   }
 }
 
+// Largest error of a row at moved_m_, relative; residual_ becomes the speeds that would end them.
+double SubspaceSolver::MeasureRows(double dt_s) {
+  int first = 0;
+  for (const Effect* effect : constraints_) {
+    const std::size_t count = effect->constraints().size();
+    effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
+    first += static_cast<int>(count);
+  }
+  double worst = 0;
+  for (int r = 0; r < rows_; ++r) {
+    const double error = std::abs(residual_[r]) / row_[r].scale;
+    if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
+    residual_[r] /= -dt_s;
+  }
+  return worst;
+}
+
+// What turns far in a sub-step, or is nearly flat, may lead the iteration away: then the step takes
+// the best it has seen, at worst the one without a correction.
 void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
                                      StepReport* report) {
-  double before = std::numeric_limits<double>::infinity();
+  double least = std::numeric_limits<double>::infinity();
   for (int iteration = 0;; ++iteration) {
     MoveAll(state, dt_s, parallel);
-    int first = 0;
-    for (const Effect* effect : constraints_) {
-      const std::size_t count = effect->constraints().size();
-      effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
-      first += static_cast<int>(count);
-    }
-    double worst = 0;
-    for (int r = 0; r < rows_; ++r) {
-      if (preconditioner_[r] > 0) worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
-      residual_[r] /= -dt_s;
+    const double worst = MeasureRows(dt_s);
+    if (worst < least) {
+      least = worst;
+      best_ = multiplier_;
     }
     if (worst <= kConstraintTolerance) return;
-    Extrapolate(iteration);
     // At the floor of round-off the error stops shrinking.
-    if (iteration == kConstraintIterations || !(worst < 1e3)) {
-      if (!(before < 1e-10)) report->bits |= kStepVolumeNotMet;
+    if (iteration == kConstraintIterations || !(worst < kDiverged)) {
+      if (!(least < kNearlyMet)) report->bits |= kStepVolumeNotMet;
+      if (worst == least) return;
+      for (int r = 0; r < rows_; ++r) change_[r] = best_[r] - multiplier_[r];
+      AddMultipliers(change_);
+      MoveAll(state, dt_s, parallel);
       return;
     }
-    before = worst;
+    Extrapolate(iteration);
     SolveRows(residual_, change_);
     AddMultipliers(change_);
   }
@@ -364,6 +407,7 @@ void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
     int first = 0;
     for (const Effect* effect : constraints_) {
       effect->ConstraintGradients(position_m, gradient_);
+      GiveToCarriers(model_, gradient_);
       const std::size_t count = effect->constraints().size();
       effect->ConstraintResiduals(position_m, std::span(residual_).subspan(first, count));
       first += static_cast<int>(count);
@@ -372,15 +416,15 @@ void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
     for (int r = 0; r < rows_; ++r) {
       double mobility = 0;
       for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-        if (!model_.fixed[p]) mobility += gradient_[p].squaredNorm() / model_.mass_kg[p];
+        mobility += gradient_[p].cwiseProduct(per_kg_[p]).dot(gradient_[p]);
       }
       if (!(mobility > 0)) continue;
       worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
       for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
-        if (!model_.fixed[p])
-          position_m[p] -= residual_[r] / mobility / model_.mass_kg[p] * gradient_[p];
+        position_m[p] -= residual_[r] / mobility * gradient_[p].cwiseProduct(per_kg_[p]);
       }
     }
+    Carry(model_, position_m);
     if (worst <= kConstraintTolerance) return;
   }
 }

@@ -29,9 +29,11 @@ class SubspaceSolver {
   // Adds to each tool [#tools] the impulse of the tissue on it, about its tip.
   void Capture(State* state, std::span<Wrench> tool_impulse);
 
-  // Tries a sub-step of `dt_s` under `force_n` [#particles]; `tool_twist` [#tools] about the tips.
-  void Try(const State& state, std::span<const Vec3> force_n, std::span<const Twist> tool_twist,
-           double dt_s, Parallel* parallel, StepReport* report);
+  // Forms the zones' groups: before a trial; `tool_twist` [#tools] about the tips.
+  void FormGroups(const State& state, std::span<const Twist> tool_twist);
+  // Tries a sub-step of `dt_s` under `force_n` [#particles].
+  void Try(const State& state, std::span<const Vec3> force_n, double dt_s, Parallel* parallel,
+           StepReport* report);
   // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
   // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }
@@ -73,7 +75,6 @@ class SubspaceSolver {
     std::int32_t first, count, row;
   };
   void MakeParts();
-  void BuildGroups(const State& state, std::span<const Twist> tool_twist);
   void StoreMomenta(State* state) const;
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
@@ -81,8 +82,10 @@ class SubspaceSolver {
   void StopConstraints();
   void MeetSlides(const State& state);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
+  double MeasureRows(double dt_s);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
   void FinishMove(const State& state);
+  void ShareLoads(const Contacts& contacts);
   void Extrapolate(int iteration);
   void SolveRows(std::span<const double> rhs, std::span<double> x);
   void ApplyRows(std::span<const double> x, std::span<double> y) const;
@@ -97,9 +100,11 @@ class SubspaceSolver {
   int rows_ = 0;
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
-  std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed
-  std::vector<Part> parts_;   // all particles
-  int part_grain_ = 1;        // parts that are worth a thread
+  std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed or carried
+  std::vector<double>
+      carried_area_m2_;      // [#particles] of what it carries; empty: nothing is carried
+  std::vector<Part> parts_;  // all particles
+  int part_grain_ = 1;       // parts that are worth a thread
   std::vector<RigidGroup> groups_;
   ContactRows slides_;
   std::span<const ContactRows::Verdict> slid_;
@@ -110,6 +115,7 @@ class SubspaceSolver {
   std::vector<Vec3> gradient_;          // [#particles]
   std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient
+  std::vector<double> best_;            // [#rows] of the iteration that left the least error
   std::vector<double> diagonal_;        // [#rows] of free particles; 0: nothing can move
   std::vector<double> movable_;         // [#rows] the same with those in zones as if they were free
   std::vector<double> preconditioner_;  // [#rows]

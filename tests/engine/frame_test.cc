@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "tests/support/engine_fixture.h"
 #include "tests/support/sample_scenes.h"
@@ -56,6 +57,61 @@ TEST(Frame, ContactForcesAtAToolAreWhatItFeels) {
     ASSERT_GT(felt.norm(), 0.01);
     EXPECT_LT((SumOf(frame.contact_forces) + felt).norm(), 1e-5 * felt.norm()) << step;
   }
+}
+
+TEST(Frame, ContactsOfAToolAddUpToWhatItFeels) {
+  auto engine = EngineOf(NeedleScene(kPressAndPull));
+  Frame frame = engine->MakeFrame();
+  StepMany(engine.get(), 400);  // as above
+  for (int step = 0; step < 50; ++step) {
+    const StepReport report = engine->Step({});
+    engine->WriteFrame(&frame);
+    if (report.captures > 0) continue;
+    ASSERT_FALSE(frame.contacts.empty());
+    Vec3 along = Vec3::Zero();
+    double across = 0;
+    for (const ContactFrame& contact : frame.contacts) {
+      EXPECT_NEAR(contact.normal.norm(), 1, 1e-12);
+      EXPECT_EQ(contact.tool, 0);
+      EXPECT_EQ(contact.body, 0);
+      EXPECT_GE(contact.margin, 0);
+      EXPECT_LE(contact.margin, 1);
+      EXPECT_TRUE(contact.normal_force_n < 0 || contact.margin == 1);
+      ASSERT_FALSE(frame.zones.empty());
+      EXPECT_EQ(contact.zone, frame.zones[0].id);
+      along += contact.normal_force_n * contact.normal;
+      across += contact.tangential_force_n;
+    }
+    // Only the size of the tangential parts is told: their sum is at most the sum of the sizes.
+    const Vec3 on_tissue = -frame.tools[0].tissue.force_n;
+    EXPECT_LE((along - on_tissue).norm(), across + 1e-9 * on_tissue.norm()) << step;
+    EXPECT_GT(along.dot(on_tissue), 0.5 * on_tissue.squaredNorm());
+  }
+}
+
+TEST(Frame, ContactsBetweenBodiesCarryTheirContactForces) {
+  auto engine = SceneEngine("paper/two_cells_sticky.yaml");
+  Frame frame = engine->MakeFrame();
+  int with_contact = 0;
+  for (int step = 0; step < 2000; ++step) {
+    engine->Step({});
+    engine->WriteFrame(&frame);
+    if (frame.contacts.empty()) continue;
+    ++with_contact;
+    double carried = 0, of_particles = 0;
+    for (const ContactFrame& contact : frame.contacts) {
+      carried += std::hypot(contact.normal_force_n, contact.tangential_force_n);
+      EXPECT_NE(contact.body, contact.other_body);
+      EXPECT_EQ(contact.tool, -1);
+    }
+    for (const ContactForce& c : frame.contact_forces) {
+      of_particles += Vec3(c.force_n[0], c.force_n[1], c.force_n[2]).norm();
+    }
+    // Each bond tells one of its sides, so that the sum is no more than that of all particles.
+    EXPECT_LE(carried, (1 + 1e-6) * of_particles) << step;
+    EXPECT_EQ(carried > 0, of_particles > 0) << step;
+  }
+  EXPECT_GT(with_contact, 500);
 }
 
 TEST(Frame, DepthOfAToolIsHowFarItHasPushedTheTissue) {

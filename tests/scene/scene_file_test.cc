@@ -145,9 +145,14 @@ TEST(SceneFile, RefusesNoMemberOfAOneof) {
 }
 
 TEST(SceneFile, PointsToTheBodyThatLacksAField) {
-  EXPECT_THAT(
-      Errors("bodies:\n  - name: a\n    icosphere: {radius_m: 1}\n"),
-      HasSubstr("s.yaml:2:5: error: bodies[0].mass_kg: required, but missing; permitted: above 0"));
+  EXPECT_THAT(Errors("bodies:\n  - name: a\n    icosphere: {}\n    mass_kg: 1\n"),
+              HasSubstr("bodies[0].icosphere.radius_m: required, but missing; permitted: above 0"));
+}
+
+TEST(SceneFile, NeedsAMassOrADensity) {
+  EXPECT_THAT(Errors("bodies:\n  - name: a\n    icosphere: {radius_m: 1}\n"),
+              HasSubstr("s.yaml:2:5: error: bodies[0].mass: Body needs one of mass_kg, "
+                        "density_kg_m3"));
 }
 
 TEST(SceneFile, RefusesWrongTypes) {

@@ -38,8 +38,10 @@ TEST(SceneJsonSchema, DescribesEveryField) {
 TEST(SceneJsonSchema, StatesRangesDefaultsUnitsAndWhatIsRequired) {
   const Json schema = Json::parse(SceneJsonSchema());
   const Json body = schema["$defs"]["Body"];
-  EXPECT_EQ(body["required"], Json({"name", "mass_kg"}));
-  EXPECT_EQ(body["oneOf"].size(), 6u);
+  EXPECT_EQ(body["required"], Json({"name"}));
+  EXPECT_EQ(body["allOf"][0]["oneOf"].size(), 7u);
+  EXPECT_EQ(body["allOf"][1]["oneOf"],
+            Json::parse(R"([{"required": ["mass_kg"]}, {"required": ["density_kg_m3"]}])"));
   EXPECT_EQ(body["additionalProperties"], false);
   const Json mass = body["properties"]["mass_kg"]["anyOf"];
   EXPECT_EQ(mass[0]["exclusiveMinimum"], 0);

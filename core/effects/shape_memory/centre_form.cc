@@ -14,8 +14,9 @@ constexpr int kGrain = 512;  // clusters: about 50 us of work
 
 CentreForm::CentreForm(const Model& model, const v1::ShapeMemory& message)
     : stiffness_n_m_(message.stiffness_n_m()), damping_n_s_m_(message.damping_n_s_m()) {
-  const std::vector<int> bodies =
-      SelectBodies(model, message.bodies(), [](const Body& b) { return !b.rigid && !b.all_fixed; });
+  const std::vector<int> bodies = SelectBodies(model, message.bodies(), [](const Body& b) {
+    return !b.rigid && !b.all_fixed && b.tetrahedron_count == 0;
+  });
   cluster_start_.push_back(0);
   for (int b : bodies) {
     const Body& body = model.bodies[b];

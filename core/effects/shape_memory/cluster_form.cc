@@ -33,8 +33,9 @@ bool Moves(const Model& model, int particle) {
 ClusterForm::ClusterForm(const Model& model, const v1::ShapeMemory& message)
     : stiffness_n_m_(message.stiffness_n_m()), damping_n_s_m_(message.damping_n_s_m()) {
   std::vector<int> centres;
-  for (int b : SelectBodies(model, message.bodies(),
-                            [](const Body& body) { return !body.rigid && !body.all_fixed; })) {
+  for (int b : SelectBodies(model, message.bodies(), [](const Body& body) {
+         return !body.rigid && !body.all_fixed && body.tetrahedron_count == 0;
+       })) {
     const Body& body = model.bodies[b];
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       if (Moves(model, p)) centres.push_back(p);

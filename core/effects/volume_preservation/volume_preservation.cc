@@ -8,8 +8,9 @@ namespace adhesim {
 VolumePreservationEffect::VolumePreservationEffect(const Model& model,
                                                    const v1::VolumePreservation& message)
     : model_(model) {
-  bodies_ = SelectBodies(model, message.bodies(),
-                         [](const Body& b) { return b.closed && !b.rigid && !b.all_fixed; });
+  bodies_ = SelectBodies(model, message.bodies(), [](const Body& b) {
+    return b.closed && !b.rigid && !b.all_fixed && b.tetrahedron_count == 0;
+  });
   for (int b : bodies_) {
     const Body& body = model.bodies[b];
     rows_.push_back({body.first_particle, body.particle_count, body.rest_volume_m3});

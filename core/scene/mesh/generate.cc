@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/scene/mesh/lattice.h"
+
 namespace adhesim {
 namespace {
 
@@ -69,11 +71,7 @@ TriangleMesh MakeSheet(double length_m, double width_m, int columns, int rows) {
 }
 
 TriangleMesh MakeBlock(const Vec3& size_m, int cells) {
-  std::array<int, 3> n;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double share = cells * (size_m[axis] / size_m.maxCoeff());
-    n[axis] = std::max(1, static_cast<int>(std::lround(share)));
-  }
+  const std::array<int, 3> n = CellsAlong(size_m, cells);
   TriangleMesh mesh;
   // Vertices: lattice points of the surface, x fastest. Each is found again by its lattice number.
   std::map<std::int64_t, int> vertex_at;

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "core/model/effect.h"
+#include "core/model/frame.h"
+#include "core/model/state.h"
+#include "core/solve/rigid_group.h"
+#include "core/solve/subspace_system.h"
+
+namespace adhesim {
+
+// Backward Euler in the subspace that zones leave (physics notes 3.5), for the effects that know
+// their stiffness; the others stay explicit.
+//
+// Linearly implicit: one linear system for dv = v_{n+1} - v_n,
+//   A dv = dt (f(x_n, v_n) - dt K v_n),  A = M + dt D + dt^2 K.
+// Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search.
+//
+// The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
+// So projection, loads, release, wrenches and ledgers need not know how a step was made. On free
+// particles and free zones what the solver left open is part of the elastic force (momentum errs by
+// its sum); on members that something holds the force is f - K dt v_{n+1} - D dv itself, so that
+// what tools and pins carry is the residual of the equation there.
+//
+// Allocates at construction only.
+class ImplicitSolver {
+ public:
+  struct StiffEffect {
+    Effect* effect;
+    int state_first;  // its part of State::effect_state
+  };
+  // Forces of a sub-step [#particles], by kind (empty: none of that kind) and together. Without the
+  // damping of stiff effects when they come in; effective when they go out.
+  struct Forces {
+    std::array<std::span<Vec3>, kForceKinds> by_kind;
+    std::span<Vec3> total;
+  };
+
+  // The effects outlive the solver.
+  ImplicitSolver(const Model& model, std::vector<StiffEffect> effects);
+  ImplicitSolver(const ImplicitSolver&) = delete;
+  ImplicitSolver& operator=(const ImplicitSolver&) = delete;
+
+  // True where forces on the particle depend on others' positions.
+  bool HasStiffness(int particle) const;
+
+  // Once a sub-step: keeps the forces and makes A at the state's positions.
+  void Begin(const State& state, std::span<const NearPair> near, const Forces& forces, double dt_s,
+             Parallel* parallel);
+  // Once for every set of zones tried in it; `groups` are the zones', driven ones with the twist to
+  // come. Replaces the forces by effective ones and keeps the change of velocity in the state.
+  void Solve(std::span<const RigidGroup> groups, double dt_s, State* state, const Forces& forces,
+             Parallel* parallel, StepReport* report);
+
+  // Of the last Solve(): what it left open in every row [#particles], N s, and the square of its
+  // norm in the preconditioner's metric.
+  std::span<const Padded> residual_ns() const { return residual_ns_; }
+  double residual_sq() const { return residual_sq_; }
+  int iterations() const { return iterations_; }
+  // A and the subspace of the last Solve().
+  SubspaceSystem& system() { return system_; }
+
+ private:
+  static BlockMatrix MatrixOf(const Model& model, const std::vector<StiffEffect>& effects);
+  void Assemble(const ForceInput& in, double dt_s);
+  ForceInput InputOf(const StiffEffect& stiff, const ForceInput& all) const;
+  double EvaluateStiff(const ForceInput& all);
+  void SetScale(const State& state, double dt_s);
+  void Prescribe(const State& state, std::span<const RigidGroup> groups);
+  void SolveLinear(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                   Parallel* parallel, StepReport* report);
+  void StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
+                           Parallel* parallel);
+  void SolveNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                   Parallel* parallel, StepReport* report);
+  double Slope(std::span<const Padded> direction) const;
+  void SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
+                   Parallel* parallel);
+  double NewtonResidual(double dt_s, const State& state, Parallel* parallel);
+  void EffectiveForces(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                       const Forces& forces, Parallel* parallel);
+  void MatchFreeZones(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                      std::span<Vec3> force_n) const;
+
+  const Model& model_;
+  std::vector<StiffEffect> effects_;
+  BlockMatrix matrix_;
+  SubspaceSystem system_;
+  std::vector<std::int32_t> diagonal_;  // [#particles] slots
+  bool damps_ = false;                  // some stiff effect has damping
+  std::span<const NearPair> near_;
+  double scale_ = 0, round_off_ = 0;  // in the preconditioner's norm, N s scaled
+  double residual_sq_ = 0;
+  int iterations_ = 0;
+  // Forces as they came [#particles].
+  std::vector<Vec3> start_elastic_n_, start_damping_n_, start_total_n_;
+  std::vector<Vec3> explicit_n_;                 // Newton: total without the stiff effects' elastic
+  std::vector<Vec3> elastic_n_, damping_n_;      // of stiff effects, evaluated anew
+  std::vector<Vec3> position_m_, velocity_m_s_;  // where they were
+  std::vector<double> effect_state_;
+  std::vector<Padded> prescribed_m_s_;  // v_n; what is held: its velocity to come
+  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - prescribed_m_s_
+  std::vector<Padded> residual_ns_, direction_, product_;
+  std::vector<Padded> newton_, last_residual_ns_;  // Newton only
+};
+
+}  // namespace adhesim

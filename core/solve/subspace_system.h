@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/model/block_matrix.h"
+#include "core/model/model.h"
+#include "core/model/parallel.h"
+#include "core/model/state.h"
+#include "core/solve/rigid_group.h"
+
+namespace adhesim {
+
+// A particle's three numbers and a zero: one vector register.
+struct alignas(32) Padded {
+  double v[4] = {};
+  Vec3 vec() const { return {v[0], v[1], v[2]}; }
+  void Set(const Vec3& x) {
+    for (int k = 0; k < 3; ++k) v[k] = x(k);
+  }
+};
+
+// S^T A S y = S^T b by conjugate gradients (Baraff and Witkin 1998, in the form of a projected
+// preconditioner). S are the velocities that zones leave: three numbers of each free particle, the
+// twist of each zone as far as its freedom goes, nothing of fixed particles, of those that tools
+// hold, and of carried ones.
+//
+// Vectors are [#particles]. Directions lie in range(S): members of a zone move as one. Residuals
+// are those of all rows; what counts of them is S^T r. The preconditioner
+//   P^-1 = S blockdiag(A_ii^-1 of free particles, (S_z^T A S_z)^-1 of zones) S^T
+// takes the one into the other, so that plain conjugate gradients on these vectors are conjugate
+// gradients in the subspace.
+//
+// Dot products are summed in chunks of particles, then over the chunks in order: the same bits for
+// any number of threads and any instruction set. Allocates at construction only.
+class SubspaceSystem {
+ public:
+  // Both outlive the system. `matrix` is A once the caller has assembled it.
+  SubspaceSystem(const Model& model, const BlockMatrix& matrix);
+
+  // Inverts the diagonal blocks: after every assembly.
+  void InvertDiagonal(Parallel* parallel);
+  // The subspace that these zones leave.
+  void SetZones(const State& state, std::span<const RigidGroup> groups);
+
+  // True: a free particle, or a member of a zone that nobody prescribes.
+  bool active(int p) const { return active_[p]; }
+  // y = A x in the active rows, 0 in the others; returns x.y.
+  double Multiply(std::span<const Padded> x, std::span<Padded> y, Parallel* parallel) const;
+  // One row of A x, active or not.
+  Vec3 MultiplyRow(int row, std::span<const Padded> x) const;
+  // z = P^-1 r; returns r.z, the square of the norm that tolerances are measured in. The one place
+  // for another preconditioner: it must be symmetric, positive definite on the subspace, and give
+  // vectors of it.
+  double Precondition(std::span<const Padded> r, std::span<Padded> z, Parallel* parallel) const;
+  // The projection of any velocities onto the subspace, in the metric of the masses.
+  void Project(const State& state, std::span<const RigidGroup> groups,
+               std::span<Padded> velocity) const;
+  // Moves what is loose as a whole, each group of bodies that zones join by itself, so that r sums
+  // to zero there: x += Z (Z^T A Z)^-1 Z^T r, Z its translations. Whatever tolerance the solve had,
+  // momentum is then balanced to round-off; and in free fall this is the solution.
+  void Balance(std::span<Padded> x, std::span<Padded> r) const;
+  // The sum of f.A_ii^-1 f over all particles, whether they can move or not.
+  double DiagonalNormSq(std::span<const Vec3> f) const;
+  const Mat3& inverse_diagonal(int p) const { return inverse_diagonal_[p]; }
+
+  struct Result {
+    int iterations = 0;
+    bool converged = true;
+    double residual_sq = 0;  // r.P^-1 r of what is left
+  };
+  // Improves x until |r|_{P^-1} <= target; r is the residual of x, and is kept so.
+  Result Solve(double target, int max_iterations, std::span<Padded> x, std::span<Padded> r,
+               Parallel* parallel);
+
+ private:
+  struct ZoneInverse {
+    int zone;
+    Vec3 pivot_m;
+    Mat6 inverse;  // (S_z^T A S_z)^-1 on its possible twists (V, W), 0 on the others
+  };
+  Mat6 InverseOf(const RigidGroup& group, const State& state, int zone) const;
+  void PreconditionZones(std::span<const Padded> r, std::span<Padded> z, double* chunk_sums) const;
+  double SumChunks() const;
+  void FindLoose(const State& state, std::span<const RigidGroup> groups);
+  // x += alpha p, r -= alpha ap, z = P^-1 r of free particles; returns r.z with the zones'.
+  double Advance(double alpha, std::span<Padded> x, std::span<Padded> r, Parallel* parallel);
+
+  const Model& model_;
+  const BlockMatrix& matrix_;
+  std::vector<Mat3> inverse_diagonal_;       // [#particles], and room to read one more
+  std::vector<std::uint8_t> active_, free_;  // [#particles]; free: active and in no zone
+  // [#particles] a free particle, or a member of a zone without pins.
+  std::vector<std::uint8_t> loose_;
+  std::vector<std::int32_t> component_;  // [#bodies] the lowest of the bodies joined with it
+  std::vector<Mat3> stiffness_sum_;      // [#bodies] Z^T A Z of a component
+  mutable std::vector<Vec3> balance_;    // [#bodies]
+  std::vector<ZoneInverse> zones_;
+  std::span<const std::int32_t> members_;  // Contacts::zone_members and zones of the state given
+  std::span<const Zone> contacts_zones_;
+  std::span<const Vec3> position_m_;
+  mutable std::vector<double> chunk_sum_;   // [#chunks]
+  mutable std::vector<Padded> p_, ap_, z_;  // [#particles]
+};
+
+}  // namespace adhesim
