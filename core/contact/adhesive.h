@@ -141,7 +141,7 @@ class Adhesive {
   static bool InOneZone(const Bond& bond, const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                 Limit* limit) const;
+                 double most_pa, Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
                        Zone* zone);
