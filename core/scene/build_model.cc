@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-#include "core/model/material.h"
+#include "core/model/tissue.h"
 #include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
 #include "core/scene/field_value.h"

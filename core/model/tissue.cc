@@ -1,47 +1,52 @@
-#include "core/model/material.h"
+#include "core/model/tissue.h"
 
 #include <algorithm>
 
-#include "core/model/carried.h"
-
 namespace adhesim {
-namespace {
 
-Vec3 ToVec3(const google::protobuf::RepeatedField<double>& numbers) {
-  return numbers.size() == 3 ? Vec3(numbers[0], numbers[1], numbers[2]) : Vec3(Vec3::Zero());
-}
-
-}  // namespace
-
-bool HoldsTetrahedron(const v1::Region& region, const Model& model, int t) {
-  Vec3 centre = Vec3::Zero();
-  for (const std::int32_t p : model.tetrahedra[t]) centre += model.rest_position_m[p] / 4;
+bool Holds(const v1::Region& region, const Model& model, int tetrahedron) {
+  const Tetrahedron& tet = model.tetrahedra[tetrahedron];
+  const std::vector<Vec3>& x = model.rest_position_m;
+  const Vec3 centre = 0.25 * (x[tet[0]] + x[tet[1]] + x[tet[2]] + x[tet[3]]);
+  const auto vector = [](const auto& list) {  // absent: the default, zero
+    return list.size() == 3 ? Vec3(list[0], list[1], list[2]) : Vec3(Vec3::Zero());
+  };
   switch (region.kind_case()) {
     case v1::Region::kAll:
       return region.all();
     case v1::Region::kHalfSpace:
-      return (centre - ToVec3(region.half_space().point_m()))
-                 .dot(ToVec3(region.half_space().normal())) <= 0;
+      return (centre - vector(region.half_space().point_m()))
+                 .dot(vector(region.half_space().normal())) <= 0;
     case v1::Region::kBall:
-      return (centre - ToVec3(region.ball().centre_m())).norm() <= region.ball().radius_m();
-    case v1::Region::kLabel:
-      return model.tet_label[t] == static_cast<std::int64_t>(region.label());
-    case v1::Region::kGroup:
-      return model.tet_group[t] >= 0 && model.group_names[model.tet_group[t]] == region.group();
-    case v1::Region::kBorder:
+      return (centre - vector(region.ball().centre_m())).norm() <= region.ball().radius_m();
+    case v1::Region::kLabel: {
+      const std::int32_t label = model.tet_label[tetrahedron];
+      return label >= 0 && static_cast<std::uint32_t>(label) == region.label();
+    }
+    case v1::Region::kGroup: {
+      const std::int32_t group = model.tet_group[tetrahedron];
+      return group >= 0 && model.group_names[group] == region.group();
+    }
+    case v1::Region::kBorder:  // of surfaces only
     case v1::Region::KIND_NOT_SET:
       return false;
   }
   return false;
 }
 
-Material MaterialOf(const v1::Elasticity& elasticity, const Model& model, int t) {
+int RegionOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron) {
+  for (int r = elasticity.regions_size() - 1; r >= 0; --r) {
+    if (Holds(elasticity.regions(r).where(), model, tetrahedron)) return r;
+  }
+  return -1;
+}
+
+Material MaterialOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron) {
   Material material{elasticity.young_modulus_pa(), elasticity.poisson_ratio()};
-  for (const v1::MaterialRegion& region : elasticity.regions()) {
-    if (!HoldsTetrahedron(region.where(), model, t)) continue;
+  if (const int r = RegionOf(elasticity, model, tetrahedron); r >= 0) {
+    const v1::MaterialRegion& region = elasticity.regions(r);
     material.young_modulus_pa = region.young_modulus_pa();
-    material.poisson_ratio =
-        region.has_poisson_ratio() ? region.poisson_ratio() : elasticity.poisson_ratio();
+    if (region.has_poisson_ratio()) material.poisson_ratio = region.poisson_ratio();
   }
   return material;
 }
