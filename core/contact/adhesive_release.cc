@@ -205,6 +205,19 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
   std::erase_if(contacts->bonds, [&](const Bond& bond) { return !bond.Holds(); });
 }
 
+int Adhesive::DropApart(std::span<const Vec3> position_m, Contacts* contacts) const {
+  const bool patches = model_.adhesive->patch_size_m.has_value();
+  return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) {
+    if (bond.tool >= 0 || bond.sliding) return false;
+    // Where all that matters moves as one, so does the gap.
+    bool whole = !patches && (bond.holds_particle || 1 - bond.partner_weight <= kMinWeight) &&
+                 (bond.partner < 0 || bond.holds_partner || bond.partner_weight <= kMinWeight);
+    for (int k = 0; k < 3; ++k)
+      whole = whole && (bond.vertices[k] >= 0 || bond.weights[k] <= kMinWeight);
+    return !whole && std::abs(GeometryOf(bond, model_, position_m).gap_m) > release_distance_m_;
+  }));
+}
+
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {
   return static_cast<int>(
       std::erase_if(contacts->bonds, [&](const Bond& bond) { return bond.tool == tool; }));
