@@ -31,6 +31,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   calm_.reserve(4 * model.rest_position_m.size() + 64);
+  told_.reserve(8 * model.rest_position_m.size() + 64);  // as the detector's
   kept_.reserve(4 * model.rest_position_m.size() + 64);
   edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
 }
@@ -53,6 +54,7 @@ bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
     *at = bond;
     return false;
   }
+  bond.calm = at->calm;
   for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
   bond.holds_particle |= at->holds_particle;
   bond.holds_partner |= at->holds_partner;
@@ -119,26 +121,20 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
                       const State& state, double dt_s, Contacts* contacts, StepReport* report) {
   DropReleased(near, near_edges, contacts);
   const double still = kApproach * capture_distance_m_ / dt_s;
+  const int apart = DropApart(state.position_m, contacts);
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
-    if (contacts->overlapping && candidate.gap_m < 0) continue;  // on its way out
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
     const double speed = candidate.normal.dot(state.velocity_m_s[candidate.particle] - surface);
+    const bool leaves = contacts->overlapping && speed >= -still;
+    if (candidate.gap_m < 0 && leaves) continue;  // on its way out
     // What may slide does no harm before it comes nearer.
     if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
     if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
-    Bond bond;
-    bond.particle = candidate.particle;
-    bond.triangle = candidate.triangle;
-    bond.side = candidate.side;
-    bond.gap_sign = candidate.gap_m < 0 ? -1 : 1;
-    bond.gap_m = candidate.gap_m;
-    for (int k = 0; k < 3; ++k) bond.weights[k] = candidate.weights(k);
-    ShowMembers(&bond);
-    bond.sliding = slides();
+    Bond bond = BondOf(candidate);
     if (IsBonded(candidate, *contacts)) {
       if (bond.sliding) continue;  // FollowSliding keeps it where it touches
       // Something that is not a member brings them nearer all the same: a corner of little weight,
@@ -152,9 +148,22 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   }
   captured += CaptureEdges(near_edges, state, still, contacts, report);
   report->captures += captured;
-  if (!slides()) return captured;
+  if (!slides()) return captured + apart;
   const auto passed = [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); };
-  return captured + static_cast<int>(std::erase_if(contacts->bonds, passed));
+  return captured + apart + static_cast<int>(std::erase_if(contacts->bonds, passed));
+}
+
+Bond Adhesive::BondOf(const NearPair& near) const {
+  Bond bond;
+  bond.particle = near.particle;
+  bond.triangle = near.triangle;
+  bond.side = near.side;
+  bond.gap_sign = near.gap_m < 0 ? -1 : 1;
+  bond.gap_m = near.gap_m;
+  for (int k = 0; k < 3; ++k) bond.weights[k] = near.weights(k);
+  ShowMembers(&bond);
+  bond.sliding = slides();
+  return bond;
 }
 
 // The corners and ends that take part.

@@ -28,6 +28,8 @@ namespace adhesim {
 // is pressed closer than it was when it let go.
 // Zones that are cut into patches (patch_size_m) let go as a whole instead: the resultant of what a
 // patch carries on one body's particles against the sum of their strengths (notes 3.3, item 9).
+// A bond of which only a part still holds ends where its contact points are further apart than
+// d_off: a far corner says nothing about a contact that is gone.
 // With a Bell rate, one in tension also lets go by chance.
 // With friction, a new contact slides (ContactRows) until friction has stopped it, and in
 // compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
@@ -38,10 +40,28 @@ class Adhesive {
 
   explicit Adhesive(const Model& model);
 
+  // The pairs with their sides told by winding numbers where a particle seems to be inside a closed
+  // body: one that is outside sees the back of a surface that has folded over, and that is to be
+  // kept off like a sheet. One that is inside makes the contacts `overlapping`.
+  std::span<const NearPair> TellInside(std::span<const NearPair> near,
+                                       std::span<const Vec3> position_m, Contacts* contacts);
+
+  // Removes bonds of what is inside a body, which is moved out of it: Capture() makes them anew
+  // where it goes deeper. Returns their number.
+  static int DropInside(Contacts* contacts);
+
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
   // the capture rule. Returns the number of changes. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
               const State& state, double dt_s, Contacts* contacts, StepReport* report);
+
+  // Bonds whatever a trial step to `moved_m` [#particles] would carry through, or almost onto, the
+  // other surface, whether it let go before or not: capture looks at where things are and how fast
+  // before forces, volumes and other zones have had their say. These stick, even where contacts
+  // begin by sliding. Returns the number of changes.
+  int CaptureCrossing(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                      const State& state, std::span<const Vec3> moved_m, Contacts* contacts,
+                      StepReport* report);
 
   // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
   // those that friction has stopped stick. Returns the number of changes.
@@ -102,10 +122,14 @@ class Adhesive {
                      const Contacts& contacts);
   void DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
                     Contacts* contacts);
+  int DropApart(std::span<const Vec3> position_m, Contacts* contacts) const;
   void ListEdgeEnds(std::span<const NearEdges> near);
   int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
+  Bond BondOf(const NearPair& near) const;
+  bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
+  int HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const;
   // Adds the bond, or to that of the same features what it has more. True if anything is new.
   static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
   static bool Insert(const Bond& bond, Contacts* contacts, StepReport* report);
@@ -120,7 +144,7 @@ class Adhesive {
   static bool InOneZone(const Bond& bond, const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                 Limit* limit) const;
+                 double most_pa, Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
                        Zone* zone);
@@ -148,6 +172,7 @@ class Adhesive {
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool
+  std::vector<NearPair> told_;              // see TellInside
   std::vector<ReleasedPair> kept_;
   std::vector<std::pair<std::int32_t, std::int32_t>> calm_;  // bodies, ascending
   std::vector<std::pair<std::int32_t, std::int32_t>>
