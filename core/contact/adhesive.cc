@@ -31,6 +31,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   calm_.reserve(4 * model.rest_position_m.size() + 64);
+  told_.reserve(8 * model.rest_position_m.size() + 64);  // as the detector's
   kept_.reserve(4 * model.rest_position_m.size() + 64);
   edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
 }
@@ -53,6 +54,7 @@ bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
     *at = bond;
     return false;
   }
+  bond.calm = at->calm;
   for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
   bond.holds_particle |= at->holds_particle;
   bond.holds_partner |= at->holds_partner;
@@ -130,15 +132,7 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
     // What may slide does no harm before it comes nearer.
     if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
     if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
-    Bond bond;
-    bond.particle = candidate.particle;
-    bond.triangle = candidate.triangle;
-    bond.side = candidate.side;
-    bond.gap_sign = candidate.gap_m < 0 ? -1 : 1;
-    bond.gap_m = candidate.gap_m;
-    for (int k = 0; k < 3; ++k) bond.weights[k] = candidate.weights(k);
-    ShowMembers(&bond);
-    bond.sliding = slides();
+    Bond bond = BondOf(candidate);
     if (IsBonded(candidate, *contacts)) {
       if (bond.sliding) continue;  // FollowSliding keeps it where it touches
       // Something that is not a member brings them nearer all the same: a corner of little weight,
@@ -155,6 +149,19 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   if (!slides()) return captured;
   const auto passed = [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); };
   return captured + static_cast<int>(std::erase_if(contacts->bonds, passed));
+}
+
+Bond Adhesive::BondOf(const NearPair& near) const {
+  Bond bond;
+  bond.particle = near.particle;
+  bond.triangle = near.triangle;
+  bond.side = near.side;
+  bond.gap_sign = near.gap_m < 0 ? -1 : 1;
+  bond.gap_m = near.gap_m;
+  for (int k = 0; k < 3; ++k) bond.weights[k] = near.weights(k);
+  ShowMembers(&bond);
+  bond.sliding = slides();
+  return bond;
 }
 
 // The corners and ends that take part.

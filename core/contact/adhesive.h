@@ -38,10 +38,24 @@ class Adhesive {
 
   explicit Adhesive(const Model& model);
 
+  // The pairs with their sides told by winding numbers where a particle seems to be inside a closed
+  // body: one that is outside sees the back of a surface that has folded over, and that is to be
+  // kept off like a sheet. One that is inside makes the contacts `overlapping`.
+  std::span<const NearPair> TellInside(std::span<const NearPair> near,
+                                       std::span<const Vec3> position_m, Contacts* contacts);
+
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
   // the capture rule. Returns the number of changes. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
               const State& state, double dt_s, Contacts* contacts, StepReport* report);
+
+  // Bonds whatever a trial step to `moved_m` [#particles] would carry through, or almost onto, the
+  // other surface, whether it let go before or not: capture looks at where things are and how fast
+  // before forces, volumes and other zones have had their say. These stick, even where contacts
+  // begin by sliding. Returns the number of changes.
+  int CaptureCrossing(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                      const State& state, std::span<const Vec3> moved_m, Contacts* contacts,
+                      StepReport* report);
 
   // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
   // those that friction has stopped stick. Returns the number of changes.
@@ -106,6 +120,9 @@ class Adhesive {
   int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
+  Bond BondOf(const NearPair& near) const;
+  bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
+  int HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const;
   // Adds the bond, or to that of the same features what it has more. True if anything is new.
   static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
   static bool Insert(const Bond& bond, Contacts* contacts, StepReport* report);
@@ -148,6 +165,7 @@ class Adhesive {
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool
+  std::vector<NearPair> told_;              // see TellInside
   std::vector<ReleasedPair> kept_;
   std::vector<std::pair<std::int32_t, std::int32_t>> calm_;  // bodies, ascending
   std::vector<std::pair<std::int32_t, std::int32_t>>

@@ -170,16 +170,19 @@ bool EdgePairs::Evaluate(const EdgePair& pair, const Crossing& crossing,
                              : Vec3((position_m[a.ends[1]] - position_m[a.ends[0]])
                                         .cross(position_m[b.ends[1]] - position_m[b.ends[0]])
                                         .normalized());
-  const auto faces = [&](const Vec3& from_b) {
-    return LeadsAway(b, b_closed, from_b, position_m) &&
-           LeadsAway(a, a_closed, -from_b, position_m);
+  const auto faces = [&](const Vec3& from_b, bool as_sheets) {
+    return LeadsAway(b, b_closed && !as_sheets, from_b, position_m) &&
+           LeadsAway(a, a_closed && !as_sheets, -from_b, position_m);
   };
-  if (faces(direction)) {
+  if (faces(direction, false)) {
     near->normal = direction;
     near->gap_m = distance;
-  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction)) {
+  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction, false)) {
     near->normal = -direction;
     near->gap_m = -distance;
+  } else if (!own && faces(direction, true)) {  // the back of a surface that has folded over
+    near->normal = direction;
+    near->gap_m = distance;
   } else {
     return false;
   }

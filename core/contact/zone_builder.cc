@@ -132,13 +132,15 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
       if ((bond.tool >= 0) != tools || bond.sliding) continue;
       if (!tools) KeepCarriersTogether(&bond, report);
       if (!bond.Holds()) continue;
+      const bool whole = tools || bond.calm == kAcrossPatches;
       const int anchor = tools                 ? ToolNode(bond.tool)
                          : bond.holds_particle ? bond.particle
                                                : bond.partner;
-      if (bond.holds_particle && bond.holds_partner && InOnePatch(bond.particle, bond.partner))
+      if (bond.holds_particle && bond.holds_partner &&
+          (whole || InOnePatch(bond.particle, bond.partner)))
         Unite(bond.particle, bond.partner);
       for (std::int32_t& v : bond.vertices) {
-        if (v < 0 || (!tools && !InOnePatch(anchor, v))) continue;
+        if (v < 0 || !(whole || InOnePatch(anchor, v))) continue;
         if (!UniteMember(anchor, v)) {
           v = -1;
           report->bits |= kStepZoneSplitForced;

@@ -24,6 +24,9 @@ namespace adhesim {
 // cannot share a zone: the union that would join them is refused and kStepZoneSplitForced says so.
 class ZoneBuilder {
  public:
+  // Bond::calm of a bond that sticks and joins patches: what would else pass through.
+  static constexpr std::int8_t kAcrossPatches = -1;
+
   explicit ZoneBuilder(const Model& model);
 
   // Rewrites zones, zone_members and zone_of. Zones keep the number of the old zone that most of

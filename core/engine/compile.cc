@@ -206,8 +206,7 @@ void Pipeline::MakeStartState() {
   if (adhesive_) {
     overlap_ = std::make_unique<Overlap>(*model_);
     start_.contacts.overlapping = !overlap_->Find(start_.position_m).empty();
-    if (!start_.contacts.overlapping) overlap_.reset();
-    if (overlap_) before_m_ = start_.position_m;
+    before_m_ = start_.position_m;
   }
   zone_builder_->Rebuild(&start_.contacts, &report_);
   // Velocities that pins, rigid bodies or constraints do not permit end here, before the books are

@@ -11,6 +11,7 @@ namespace adhesim {
 namespace {
 
 constexpr int kReleasePasses = 8;     // releases of one sub-step; the rest waits for the next
+constexpr int kCrossingPasses = 8;    // captures of what would pass through in one sub-step
 constexpr double kJumpSeconds = 0.1;  // a target further than the tool goes in this time has jumped
 
 }  // namespace
@@ -142,12 +143,12 @@ void Pipeline::Substep(double dt_s) {
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
   near_ = detector_->Find(state_.position_m, &parallel_);
-  const std::span<const NearEdges> edges =
-      detector_->FindEdges(state_.position_m, &parallel_, &report_);
+  near_edges_ = detector_->FindEdges(state_.position_m, &parallel_, &report_);
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
+  near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
   int changes = adhesive_->FollowSliding(near_, &state_.contacts);
-  changes += adhesive_->Capture(near_, edges, state_, dt_s, &state_.contacts, &report_);
+  changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
@@ -307,27 +308,39 @@ Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
   return {};
 }
 
+// Until nothing lets go any more, and then until nothing passes through anything: what is caught
+// then holds until the next sub-step.
 void Pipeline::Solve(double dt_s) {
   const ImplicitSolver::Forces forces{{force_n_[0], force_n_[1], force_n_[2], force_n_[3]},
                                       total_force_n_};
   if (implicit_) implicit_->Begin(state_, near_, forces, dt_s, &parallel_);
-  for (int pass = 0;; ++pass) {
+  int passes = 0, caught = 0;
+  for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
     if (implicit_) {
       implicit_->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
     }
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
     if (!adhesive_) return;
-    if (pass == kReleasePasses) {
-      report_.bits |= kStepReleasePasses;
-      return;
+    int changes = 0;
+    if (releasing && passes < kReleasePasses) {
+      changes = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
+                                   passes == 0 ? dt_s : 0, &state_.contacts);
+      report_.releases += changes;
+      if (++passes == kReleasePasses && changes > 0) report_.bits |= kStepReleasePasses;
     }
-    const int released = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
-                                            pass == 0 ? dt_s : 0, &state_.contacts);
-    if (released == 0) return;
-    report_.releases += released;
+    if (changes == 0) {
+      releasing = false;
+      changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
+                                           &state_.contacts, &report_);
+      if (changes == 0) return;
+      if (++caught > kCrossingPasses) {
+        report_.bits |= kStepReleasePasses;
+        return;
+      }
+    }
     zone_builder_->Rebuild(&state_.contacts, &report_);
-    // Letting go changes no velocity; this only renews the zones' own momenta.
+    // Letting go changes no velocity; this only renews the zones' own momenta then.
     solver_->Capture(&state_, tool_impulse_);
   }
 }

@@ -84,7 +84,7 @@ class Pipeline : public Engine {
   std::unique_ptr<Detector> detector_;   // null without contact
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
-  std::unique_ptr<Overlap> overlap_;  // null when no bodies overlap at the start
+  std::unique_ptr<Overlap> overlap_;  // null without an adhesive
   std::vector<Vec3> before_m_;        // [#particles] likewise empty
   std::unique_ptr<ZoneBuilder> zone_builder_;
   std::unique_ptr<ToolSet> tool_set_;  // null without tools
@@ -105,6 +105,7 @@ class Pipeline : public Engine {
   std::vector<double> strength_scale_;                   // [#tools]
   std::vector<std::uint8_t> retracted_;                  // [#tools]
   std::span<const NearPair> near_;                       // of this sub-step
+  std::span<const NearEdges> near_edges_;                // of this sub-step
   std::span<const Adhesive::NearTool> near_tools_;       // of this sub-step
 
   StageClock clock_;

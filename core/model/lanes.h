@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -83,14 +84,16 @@ struct LaneMath {
     r->m[2][2] = one - 2.0 * (x * x + y * y);
   }
 
-  // Square roots, lane by lane.
-  ADHESIM_INLINE V Sqrt(const V& v) {
-    double lane[kWidth];
-    std::memcpy(lane, &v, sizeof(lane));
-    for (double& value : lane) value = __builtin_sqrt(value);
-    V root;
-    std::memcpy(&root, lane, sizeof(root));
-    return root;
+  // By the sign of the difference, and bits: g++ 12 compiles comparisons and selections of eight
+  // lanes one by one. Not for numbers that are not finite.
+  ADHESIM_INLINE Mask Less(const V& a, const V& b) { return reinterpret_cast<Mask>(a - b) >> 63; }
+  ADHESIM_INLINE V Select(const Mask& where, const V& yes, const V& no) {
+    return reinterpret_cast<V>((reinterpret_cast<Mask>(yes) & where) |
+                               (reinterpret_cast<Mask>(no) & ~where));
+  }
+  ADHESIM_INLINE V Abs(const V& v) {
+    return reinterpret_cast<V>(reinterpret_cast<Mask>(v) &
+                               std::numeric_limits<std::int64_t>::max());
   }
 
   // Solves a symmetric 3x3 (a b c; b d e; c e f) x = g in every lane by the adjugate; lanes that
@@ -100,10 +103,10 @@ struct LaneMath {
     const V aa = d * f - e * e, ab = c * e - b * f, ac = b * e - c * d;
     const V determinant = a * aa + b * ab + c * ac;
     const V minor = a * d - b * b;
-    *good = (a > floor) & (minor > floor * a) & (determinant > floor * minor);
+    *good = Less(floor, a) & Less(floor * a, minor) & Less(floor * minor, determinant);
     const V bb = a * f - c * c, bc = b * c - a * e;
-    const V zero = V{};
-    const V scale = *good ? (zero + 1.0) / (*good ? determinant : zero + 1.0) : zero;
+    const V one = V{} + 1.0;
+    const V scale = Select(*good, one / Select(*good, determinant, one), V{});
     x->x = scale * (aa * g.x + ab * g.y + ac * g.z);
     x->y = scale * (ab * g.x + bb * g.y + bc * g.z);
     x->z = scale * (ac * g.x + bc * g.y + minor * g.z);
@@ -125,12 +128,11 @@ struct LaneMath {
   // (bits) where it failed.
   ADHESIM_INLINE unsigned FindRotations(const V33& a, V q[4]) {
     const V zero = V{}, one = zero + 1.0;
-    V size_sq = zero;
+    V floor = zero;
     for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) size_sq += a.m[i][j] * a.m[i][j];
+      for (int j = 0; j < 3; ++j) floor += 1e-12 * Abs(a.m[i][j]);
     }
-    const V floor = 1e-12 * Sqrt(size_sq);
-    Mask active = zero == zero, failed = zero != zero;
+    Mask active = ~Mask{}, failed{};
     for (int iteration = 0; iteration < 16; ++iteration) {
       V33 r;
       RotationMatrix(q[0], q[1], q[2], q[3], &r);
@@ -146,7 +148,7 @@ struct LaneMath {
                     s[0][0] + s[2][2], -0.5 * (s[2][1] + s[1][2]), s[0][0] + s[1][1], axial, floor,
                     &d, &good);
       const V step_sq = d.x * d.x + d.y * d.y + d.z * d.z;
-      good &= step_sq < zero + 4.0;
+      good &= Less(step_sq, zero + 4.0);
       failed |= active & ~good;
       active &= good;
       const V px = 0.25 * d.x, py = 0.25 * d.y, pz = 0.25 * d.z;
@@ -160,11 +162,11 @@ struct LaneMath {
       const V nw = q[3] * dw - q[0] * dx - q[1] * dy - q[2] * dz;
       // Takes back the round-off of the norm.
       const V unit = zero + 1.5 - 0.5 * (nx * nx + ny * ny + nz * nz + nw * nw);
-      q[0] = active ? nx * unit : q[0];
-      q[1] = active ? ny * unit : q[1];
-      q[2] = active ? nz * unit : q[2];
-      q[3] = active ? nw * unit : q[3];
-      active &= step_sq >= zero + 1e-16;
+      q[0] = Select(active, nx * unit, q[0]);
+      q[1] = Select(active, ny * unit, q[1]);
+      q[2] = Select(active, nz * unit, q[2]);
+      q[3] = Select(active, nw * unit, q[3]);
+      active &= ~Less(step_sq, zero + 1e-16);
       if (Bits(active) == 0) break;
     }
     return Bits(failed) | Bits(active);

@@ -9,9 +9,9 @@ namespace {
 
 constexpr int kNewtonIterations = 50;
 constexpr double kNewtonForcing = 1e-3;  // what a linear solve leaves of Newton's residual
-constexpr double kLeastStep = 1.0 / 64;  // of the line search
-constexpr double kOvershoot = 0.5;       // slope behind a minimum that the line search accepts
-constexpr double kRoundOff = 4e-16;      // of a force, relative to stiffness times position
+constexpr double kSlopeLeft = 0.2;       // of the slope at the start, where a line search ends
+constexpr int kSearchAttempts = 8;
+constexpr double kRoundOff = 4e-16;  // of a force, relative to stiffness times position
 
 }  // namespace
 
@@ -41,7 +41,10 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
                       &damping_n_, &position_m_, &velocity_m_s_}) {
     array->assign(n, Vec3::Zero());
   }
-  if (model.integrator == Integrator::kNewton) explicit_n_.assign(n, Vec3::Zero());
+  if (model.integrator == Integrator::kNewton) {
+    explicit_n_.assign(n, Vec3::Zero());
+    for (auto* array : {&newton_, &last_residual_ns_}) array->assign(n, Padded{});
+  }
   for (auto* array : {&prescribed_m_s_, &change_m_s_, &residual_ns_, &direction_, &product_}) {
     array->assign(n, Padded{});
   }
@@ -209,45 +212,79 @@ double ImplicitSolver::NewtonResidual(double dt_s, const State& state, Parallel*
   return system_.Precondition(residual_ns_, product_, parallel);
 }
 
-// The line search looks at the slope -r.d of the incremental potential along the direction d: a
-// step is too long where it has become clearly positive. Energies would lose their digits near the
-// solution, and damping has none.
+double ImplicitSolver::Slope(std::span<const Padded> direction) const {
+  double sum = 0;
+  for (std::size_t p = 0; p < direction.size(); ++p) {
+    sum -= direction[p].vec().dot(residual_ns_[p].vec());
+  }
+  return sum;
+}
+
+// Looks for the end of descent along a direction by its slope: energies would lose their digits
+// near the solution, and damping has none. Secants, kept within what is known to lie too near and
+// too far.
+void ImplicitSolver::SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
+                                 Parallel* parallel) {
+  const double start = Slope(direction);
+  double near = 0, near_slope = start, far = 0, far_slope = 0, taken = 0, step = 1;
+  for (int attempt = 0;; ++attempt) {
+    for (std::size_t p = 0; p < direction.size(); ++p) {
+      for (int k = 0; k < 3; ++k) change_m_s_[p].v[k] += (step - taken) * direction[p].v[k];
+    }
+    taken = step;
+    residual_sq_ = NewtonResidual(dt_s, state, parallel);
+    const double slope = Slope(direction);
+    if (std::abs(slope) <= kSlopeLeft * std::abs(start) || attempt == kSearchAttempts) return;
+    if (slope < 0) {
+      near = step;
+      near_slope = slope;
+    } else {
+      far = step;
+      far_slope = std::isfinite(slope) ? slope : -near_slope;
+    }
+    if (far > 0) {
+      const double part = near_slope / (near_slope - far_slope);
+      step = near + std::clamp(part, 0.1, 0.9) * (far - near);
+    } else {
+      const double secant = start < slope ? start / (start - slope) : 2;
+      step *= std::clamp(secant, 1.1, 4.0);
+    }
+  }
+}
+
+// Newton's directions, made conjugate (Polak and Ribiere): the stiffness is that of a convex model,
+// and where it is too stiff Newton alone would creep.
 void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s,
                                  const State& state, Parallel* parallel, StepReport* report) {
-  const auto slope = [&](std::span<const Padded> direction) {
-    double sum = 0;
-    for (std::size_t p = 0; p < direction.size(); ++p) {
-      sum -= direction[p].vec().dot(residual_ns_[p].vec());
-    }
-    return sum;
-  };
   residual_sq_ = NewtonResidual(dt_s, state, parallel);
   const double target =
       std::max(model_.tolerance * std::max(scale_, std::sqrt(residual_sq_)), round_off_);
-  std::vector<Padded>& direction = direction_;
-  int iteration = 0;
-  for (; residual_sq_ > target * target && iteration < kNewtonIterations; ++iteration) {
+  double last_descent = 0;
+  for (int k = 0; residual_sq_ > target * target && k < kNewtonIterations; ++k) {
     Assemble({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_}, dt_s);
     system_.SetZones(state, groups);
-    std::fill(direction.begin(), direction.end(), Padded{});
-    const double left = std::max(kNewtonForcing * std::sqrt(residual_sq_), 0.1 * target);
-    const double before = residual_sq_;
+    std::fill(newton_.begin(), newton_.end(), Padded{});
     std::copy(residual_ns_.begin(), residual_ns_.end(), product_.begin());
-    const SubspaceSystem::Result result =
-        system_.Solve(left, model_.max_iterations, direction, product_, parallel);
-    iterations_ += result.iterations;
-    const double start_slope = slope(direction);
-    const std::vector<Padded>& from = change_m_s_;
-    double step = 1, taken = 0;
-    for (;; step *= 0.5) {
-      for (std::size_t p = 0; p < from.size(); ++p) {
-        for (int k = 0; k < 3; ++k) change_m_s_[p].v[k] += (step - taken) * direction[p].v[k];
-      }
-      taken = step;
-      residual_sq_ = NewtonResidual(dt_s, state, parallel);
-      if (slope(direction) <= kOvershoot * std::abs(start_slope) || step <= kLeastStep) break;
+    const double left = std::max(kNewtonForcing * std::sqrt(residual_sq_), 0.1 * target);
+    iterations_ +=
+        system_.Solve(left, model_.max_iterations, newton_, product_, parallel).iterations;
+    double descent = 0, change = 0;
+    for (std::size_t p = 0; p < newton_.size(); ++p) {
+      const Vec3 step = newton_[p].vec(), residual = residual_ns_[p].vec();
+      descent += step.dot(residual);
+      change += step.dot(residual - last_residual_ns_[p].vec());
     }
-    if (!std::isfinite(residual_sq_) || (residual_sq_ >= before && step <= kLeastStep)) break;
+    const double conjugate = k > 0 ? std::max(0.0, change / last_descent) : 0;
+    for (std::size_t p = 0; p < newton_.size(); ++p) {
+      for (int c = 0; c < 3; ++c) {
+        direction_[p].v[c] = newton_[p].v[c] + (k > 0 ? conjugate * direction_[p].v[c] : 0);
+      }
+    }
+    if (!(Slope(direction_) < 0)) std::copy(newton_.begin(), newton_.end(), direction_.begin());
+    last_descent = descent;
+    std::copy(residual_ns_.begin(), residual_ns_.end(), last_residual_ns_.begin());
+    SearchAlong(direction_, dt_s, state, parallel);
+    if (!std::isfinite(residual_sq_)) break;
   }
   if (!(residual_sq_ <= target * target)) report->bits |= kStepNotConverged;
   if (!std::isfinite(residual_sq_)) {

@@ -76,6 +76,9 @@ class ImplicitSolver {
                            Parallel* parallel);
   void SolveNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
+  double Slope(std::span<const Padded> direction) const;
+  void SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
+                   Parallel* parallel);
   double NewtonResidual(double dt_s, const State& state, Parallel* parallel);
   void EffectiveForces(std::span<const RigidGroup> groups, double dt_s, const State& state,
                        const Forces& forces, Parallel* parallel);
@@ -101,6 +104,7 @@ class ImplicitSolver {
   std::vector<Padded> prescribed_m_s_;  // v_n; what is held: its velocity to come
   std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
+  std::vector<Padded> newton_, last_residual_ns_;  // Newton only
 };
 
 }  // namespace adhesim

@@ -1,0 +1,91 @@
+// The part of the adhesive that keeps surfaces from passing through each other.
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/contact/adhesive.h"
+#include "core/contact/penetration.h"
+#include "core/contact/zone_builder.h"
+#include "core/model/bond_geometry.h"
+
+namespace adhesim {
+namespace {
+
+// Nothing comes nearer than this share of the capture distance without being held.
+constexpr double kKeep = 0.1;
+// Less than this share of it is round-off of a zone's motion, not approach.
+constexpr double kApproach = 1e-6;
+
+}  // namespace
+
+std::span<const NearPair> Adhesive::TellInside(std::span<const NearPair> near,
+                                               std::span<const Vec3> position_m,
+                                               Contacts* contacts) {
+  const auto seems_inside = [](const NearPair& pair) { return pair.gap_m < 0; };
+  if (std::none_of(near.begin(), near.end(), seems_inside)) return near;
+  told_.assign(near.begin(), near.end());
+  for (NearPair& pair : told_) {
+    if (pair.gap_m >= 0) continue;
+    if (IsInside(model_, model_.bodies[pair.body], position_m, position_m[pair.particle])) {
+      contacts->overlapping = true;
+      continue;
+    }
+    pair.gap_m = -pair.gap_m;
+    pair.normal = -pair.normal;
+    pair.side = static_cast<std::int8_t>(-pair.side);
+  }
+  return told_;
+}
+
+// Along the line from one contact point to the other as it is now, whichever side of the surface
+// that is: a surface that has folded over shows its back, and is not to be passed either.
+bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const {
+  const Triangle& tri = model_.triangles[bond.triangle];
+  const auto offset = [&](std::span<const Vec3> x) {
+    Vec3 sum = x[bond.particle];
+    if (bond.partner >= 0)
+      sum = (1 - bond.partner_weight) * sum + bond.partner_weight * x[bond.partner];
+    for (int k = 0; k < 3; ++k) sum -= bond.weights[k] * x[tri[k]];
+    return sum;
+  };
+  const BondGeometry now = GeometryOf(bond, model_, state.position_m);
+  const Vec3 across = bond.gap_sign * now.normal;
+  const double distance = std::abs(now.gap_m);
+  const double then = across.dot(offset(moved_m));
+  return then < kKeep * capture_distance_m_ && then < distance - kApproach * capture_distance_m_;
+}
+
+// All corners and ends that have any weight: what is left out could bring the surfaces nearer.
+int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const {
+  const Triangle& tri = model_.triangles[bond.triangle];
+  for (int k = 0; k < 3; ++k) bond.vertices[k] = bond.weights[k] > 0 ? tri[k] : -1;
+  bond.holds_particle = bond.partner < 0 || bond.partner_weight < 1;
+  bond.holds_partner = bond.partner >= 0 && bond.partner_weight > 0;
+  bond.sliding = false;
+  bond.calm = ZoneBuilder::kAcrossPatches;
+  if (InOneZone(bond, *contacts)) return 0;
+  const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
+  if (at != contacts->bonds.end() && !KeyLess(bond, *at) && at->calm != bond.calm) {
+    *at = bond;  // it slid, or held within its patch only
+    return 1;
+  }
+  return Hold(bond, contacts, report);
+}
+
+int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
+                              const State& state, std::span<const Vec3> moved_m, Contacts* contacts,
+                              StepReport* report) {
+  int captured = 0;
+  for (const NearPair& pair : near) {
+    const Bond bond = BondOf(pair);
+    if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
+  }
+  for (const NearEdges& pair : near_edges) {
+    const Bond bond = BondOf(pair, state);
+    if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
+  }
+  report->captures += captured;
+  return captured;
+}
+
+}  // namespace adhesim
