@@ -72,6 +72,10 @@ absl::Status Pipeline::CompileImplicit() {
   if (stiff.empty()) return absl::OkStatus();
   implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff));
   implicit_damping_n_ = total_force_n_;
+  if (!model_->tools.empty()) {
+    force_error_ = std::make_unique<ForceError>(*model_);
+    error_bar_.resize(model_->tools.size());
+  }
   start_.velocity_change_m_s = total_force_n_;
   // A constraint that is met after the solve moves particles against stiffness that it does not
   // see: energy would come in.
@@ -186,6 +190,7 @@ void Pipeline::NameStages() {
   }
   if (tool_set_) tools_stage_ = clock_.Add("tools", "tools");
   solve_stage_ = clock_.Add("solve", rows ? "bodies, effects: volume_preservation" : "bodies");
+  if (force_error_) error_stage_ = clock_.Add("error", "tools' force error bars");
   book_stage_ = clock_.Add("book", "energy and momentum ledgers");
 }
 

@@ -59,6 +59,8 @@ void FrameWriter::WriteTools(const State& state, Frame* frame) const {
     out.colliding_particles = 0;
     out.contact_area_m2 = 0;
     out.depth_m = 0;
+    out.force_error_n = out.torque_error_nm = -1;
+    out.stiffness_n_m.setZero();
   }
   for (const Zone& zone : state.contacts.zones) {
     if (zone.tool < 0) continue;
@@ -78,7 +80,13 @@ void FrameWriter::WriteTools(const State& state, Frame* frame) const {
 }
 
 void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
-                              Frame* frame) const {
+                              std::span<const ForceError::Bar> error_bar, Frame* frame) const {
+  for (std::size_t t = 0; t < error_bar.size(); ++t) {
+    if (!error_bar[t].known) continue;
+    frame->tools[t].force_error_n = error_bar[t].force_n;
+    frame->tools[t].torque_error_nm = error_bar[t].torque_nm;
+    frame->tools[t].stiffness_n_m = error_bar[t].stiffness_n_m;
+  }
   std::fill(energy_j_.begin(), energy_j_.end(), 0.0);
   for (const Effect* effect : elastic_) effect->AddEnergies(energy_j_);
   std::copy(energy_j_.begin(), energy_j_.end(), frame->strain_energy_j.begin());

@@ -9,6 +9,7 @@
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
+#include "core/solve/force_error.h"
 
 namespace adhesim {
 
@@ -23,9 +24,10 @@ class FrameWriter {
 
   // What the state alone says. Contacts, their forces and strain energies become "none" and zero.
   void Write(const State& state, Frame* frame) const;
-  // Adds what the last sub-step has left behind: `load_n` [#particles, N] on the zones, and the
-  // effects' energies.
-  void WriteForces(const State& state, std::span<const Vec3> load_n, Frame* frame) const;
+  // Adds what the last sub-step has left behind: `load_n` [#particles, N] on the zones, the tools'
+  // error bars (empty: none), and the effects' energies.
+  void WriteForces(const State& state, std::span<const Vec3> load_n,
+                   std::span<const ForceError::Bar> error_bar, Frame* frame) const;
 
  private:
   void WriteTools(const State& state, Frame* frame) const;

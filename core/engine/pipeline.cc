@@ -30,6 +30,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   const double dt_s = model_->dt_s / substeps;
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
+  std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
   for (int k = 0; k < substeps; ++k) Substep(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
@@ -126,6 +127,7 @@ void Pipeline::Substep(double dt_s) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
+  if (force_error_) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -308,6 +310,18 @@ Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
   return {};
 }
 
+void Pipeline::BoundToolForces(double dt_s) {
+  force_error_->Update(state_, solver_->groups(), dt_s, implicit_.get(), &parallel_);
+  const double share = dt_s / model_->dt_s;
+  for (std::size_t t = 0; t < error_bar_.size(); ++t) {
+    const ForceError::Bar& bar = force_error_->bars()[t];
+    if (!bar.known) continue;
+    error_bar_[t] = {true, error_bar_[t].force_n + share * bar.force_n,
+                     error_bar_[t].torque_nm + share * bar.torque_nm, bar.stiffness_n_m};
+  }
+  clock_.Lap(error_stage_);
+}
+
 // Until nothing lets go any more, and then until nothing passes through anything: what is caught
 // then holds until the next sub-step.
 void Pipeline::Solve(double dt_s) {
@@ -357,6 +371,7 @@ void Pipeline::Restore(const State& state) {
   state_ = state;
   frozen_ = false;
   has_forces_ = false;
+  if (force_error_) force_error_->Forget();
 }
 
 double Pipeline::MechanicalEnergy() const {
@@ -398,7 +413,7 @@ Frame Pipeline::MakeFrame() const {
 void Pipeline::WriteFrame(Frame* frame) const {
   frame->report = report_;
   frame_writer_->Write(state_, frame);
-  if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), frame);
+  if (has_forces_) frame_writer_->WriteForces(state_, solver_->load_n(), error_bar_, frame);
 }
 
 }  // namespace adhesim

@@ -13,6 +13,7 @@
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
+#include "core/solve/force_error.h"
 #include "core/solve/implicit_solver.h"
 #include "core/solve/ledger.h"
 #include "core/solve/subspace_solver.h"
@@ -65,6 +66,7 @@ class Pipeline : public Engine {
   double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
                           const ForceOutput& out) const;
   void MoveTools(double dt_s);
+  void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
   void Solve(double dt_s);
@@ -91,26 +93,29 @@ class Pipeline : public Engine {
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
   std::unique_ptr<ImplicitSolver> implicit_;  // null where every force is explicit
+  std::unique_ptr<ForceError> force_error_;   // null without tools or implicit forces
   std::unique_ptr<FrameWriter> frame_writer_;
   bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
   // Scratch.
   std::array<std::vector<Vec3>, kForceKinds>
-      force_n_;                      // [#particles] each; empty: no effect adds that kind
-  std::vector<Vec3> total_force_n_;  // [#particles]
+      force_n_;                           // [#particles] each; empty: no effect adds that kind
+  std::vector<Vec3> total_force_n_;       // [#particles]
   std::vector<Vec3> implicit_damping_n_;  // [#particles] goes unused: implicit steps find their own
-  std::vector<Twist> tool_twist_;    // [#tools] for the coming sub-step
-  std::vector<Pose> tool_pose_;      // [#tools]
+  std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
+  std::vector<Pose> tool_pose_;           // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
-  std::vector<double> strength_scale_;                   // [#tools]
-  std::vector<std::uint8_t> retracted_;                  // [#tools]
-  std::span<const NearPair> near_;                       // of this sub-step
-  std::span<const NearEdges> near_edges_;                // of this sub-step
-  std::span<const Adhesive::NearTool> near_tools_;       // of this sub-step
+  std::vector<ForceError::Bar> error_bar_;          // [#tools] mean over the step; empty likewise
+  std::vector<double> strength_scale_;              // [#tools]
+  std::vector<std::uint8_t> retracted_;             // [#tools]
+  std::span<const NearPair> near_;                  // of this sub-step
+  std::span<const NearEdges> near_edges_;           // of this sub-step
+  std::span<const Adhesive::NearTool> near_tools_;  // of this sub-step
 
   StageClock clock_;
   std::vector<int> effect_stage_;  // [#effects]
-  int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, book_stage_ = 0;
+  int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
+      book_stage_ = 0;
 };
 
 }  // namespace adhesim

@@ -8,6 +8,7 @@
 
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
+#include "core/scene/mesh/embed.h"
 #include "core/scene/mesh/generate.h"
 #include "core/scene/mesh/lattice.h"
 #include "core/scene/mesh/read_mesh.h"
@@ -21,7 +22,9 @@ int CountOf(const google::protobuf::Message& message, const char* field) {
   return static_cast<int>(NumberOf(message, field));
 }
 
-absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string& directory) {
+// `label_at` is set where the surface has labels inside.
+absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string& directory,
+                                         LabelAt* label_at) {
   switch (body.shape_case()) {
     case v1::Body::kIcosphere:
       return MakeIcosphere(body.icosphere().radius_m(), CountOf(body.icosphere(), "subdivisions"));
@@ -44,19 +47,21 @@ absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string
     case v1::Body::kLabelMap: {
       const absl::StatusOr<std::string> file = ResolveFile(body.label_map().file(), directory);
       if (!file.ok()) return file.status();
-      return ReadLabelSurface(*file, CountOf(body.label_map(), "particles"));
+      absl::StatusOr<LabelledSurface> labelled =
+          ReadLabelSurface(*file, CountOf(body.label_map(), "particles"));
+      if (!labelled.ok()) return labelled.status();
+      *label_at = std::move(labelled->label_at);
+      if (labelled->too_many_labels && body.has_tetrahedra()) {
+        return absl::InvalidArgumentError(
+            "more than 254 different labels; at most 254 are permitted with tetrahedra");
+      }
+      return std::move(labelled->surface);
     }
     case v1::Body::kTetMesh:
     case v1::Body::SHAPE_NOT_SET:
       break;
   }
   return absl::InvalidArgumentError("the body has no shape");
-}
-
-absl::StatusOr<TetMesh> MakeTetrahedra(const v1::Body& body) {
-  const int cells = CountOf(body.tetrahedra(), "cells");
-  if (body.has_block()) return MakeTetBlock(Vec3Of(body.block(), "size_m"), cells);
-  return absl::UnimplementedError("only a block can be cut into tetrahedra");
 }
 
 // A body that is its surface only: the surface must be fit for that.
@@ -87,18 +92,27 @@ std::string ShapePath(const v1::Body& body, const std::string& path) {
 
 std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& path,
                                     const std::string& directory, Problems* problems) {
-  const auto report = [&](const std::string& field, const absl::Status& status) {
-    problems->push_back({field, std::string(status.message())});
-    return std::nullopt;
-  };
-  if (body.has_tetrahedra()) {
-    absl::StatusOr<TetMesh> mesh = MakeTetrahedra(body);
-    if (!mesh.ok()) return report(path + ".tetrahedra", mesh.status());
+  const auto take = [&](absl::StatusOr<TetMesh> mesh,
+                        const std::string& field) -> std::optional<TetMesh> {
+    if (!mesh.ok()) {
+      problems->push_back({field, std::string(mesh.status().message())});
+      return std::nullopt;
+    }
+    for (const std::string& warning : mesh->warnings) {
+      problems->push_back({ShapePath(body, path), warning, /*warning=*/true});
+    }
     return *std::move(mesh);
+  };
+  const std::string tetrahedra_path = path + ".tetrahedra";
+  const int cells = CountOf(body.tetrahedra(), "cells");
+  if (body.has_block() && body.has_tetrahedra()) {
+    return take(MakeTetBlock(Vec3Of(body.block(), "size_m"), cells), tetrahedra_path);
   }
-  absl::StatusOr<TriangleMesh> surface = MakeSurface(body, directory);
-  if (!surface.ok()) return report(ShapePath(body, path), surface.status());
-  return SurfaceOnly(body, path, *std::move(surface), problems);
+  LabelAt label_at;
+  absl::StatusOr<TriangleMesh> surface = MakeSurface(body, directory, &label_at);
+  if (!surface.ok()) return take(surface.status(), ShapePath(body, path));
+  if (!body.has_tetrahedra()) return SurfaceOnly(body, path, *std::move(surface), problems);
+  return take(EmbedInLattice(*surface, cells, label_at), tetrahedra_path);
 }
 
 }  // namespace adhesim

@@ -102,8 +102,8 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   StoreMomenta(state);
 }
 
-void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n,
-                         double dt_s, Parallel* parallel, StepReport* report) {
+void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, double dt_s,
+                         Parallel* parallel, StepReport* report) {
   parallel->VectorFor(model_.particle_count(), kGrain, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);

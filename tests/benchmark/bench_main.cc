@@ -45,7 +45,7 @@ constexpr Entry kEntries[] = {
     {"paper/cell_aggregation.yaml", 4, 5, 0.40},
     {"paper/cell_aggregation_x10.yaml", 1, 3, 5},
     {"paper/cell_aggregation_x100.yaml", 0.5, 2, 60},
-    {"training/liver_press.yaml", 3, 3, 0},
+    {"training/liver_surface.yaml", 3, 3, 0},
     {"training/needle_organ.yaml", 3, 3, 0},
 };
 constexpr const char* kSmallest = "paper/cell_aggregation.yaml";

@@ -83,16 +83,26 @@ Eigen::VectorXd Flat(const std::vector<Vec3>& f) {
   return Eigen::Map<const Eigen::VectorXd>(f[0].data(), 3 * static_cast<int>(f.size()));
 }
 
-TetBlock Block(double damping_s = 0) {
+TetBlock Block(v1::ElasticModel law, double damping_s = 0) {
   return {.cells = {3, 2, 2},
           .size_m = {0.3, 0.2, 0.2},
           .jitter = 0.2,
+          .law = law,
           .stiffness_damping_s = damping_s};
 }
+
+class ElasticLaw : public testing::TestWithParam<v1::ElasticModel> {};
+INSTANTIATE_TEST_SUITE_P(Elasticity, ElasticLaw,
+                         testing::Values(v1::ELASTIC_MODEL_COROTATIONAL,
+                                         v1::ELASTIC_MODEL_NEO_HOOKEAN),
+                         [](const auto& info) {
+                           return info.param == v1::ELASTIC_MODEL_NEO_HOOKEAN ? "neo_hookean"
+                                                                              : "corotational";
+                         });
 const Mat3 kTurn = Quat(0.2, -0.7, 0.4, 0.5).normalized().toRotationMatrix();
 
-TEST(Elasticity, NothingAtRestHoweverTurned) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, NothingAtRestHoweverTurned) {
+  Tissue tissue(Block(GetParam()));
   EXPECT_LT(tissue.Evaluate(), 1e-25);
   tissue.Map(kTurn, Vec3(3, -2, 1));
   const double energy = tissue.Evaluate();
@@ -102,8 +112,8 @@ TEST(Elasticity, NothingAtRestHoweverTurned) {
   EXPECT_LT(Size(tissue.force[0]), 1e-11);
 }
 
-TEST(Elasticity, ForceIsMinusTheGradientOfTheEnergy) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, ForceIsMinusTheGradientOfTheEnergy) {
+  Tissue tissue(Block(GetParam()));
   tissue.Strew(0.02, &tissue.x);
   EXPECT_GT(tissue.Evaluate(), 0);
   const std::vector<Vec3> force = tissue.force[0];
@@ -121,8 +131,8 @@ TEST(Elasticity, ForceIsMinusTheGradientOfTheEnergy) {
   }
 }
 
-TEST(Elasticity, ForcesFollowARotation) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, ForcesFollowARotation) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.02, &tissue.x);
   tissue.Strew(1, &tissue.v);
   const double energy = tissue.Evaluate();
@@ -137,8 +147,8 @@ TEST(Elasticity, ForcesFollowARotation) {
   }
 }
 
-TEST(Elasticity, ForcesAndTorquesSumToNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, ForcesAndTorquesSumToNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.03, &tissue.x);
   tissue.Strew(1, &tissue.v);
   tissue.Evaluate();
@@ -163,8 +173,8 @@ void ExpectSymmetricPositive(const Eigen::MatrixXd& k) {
   EXPECT_LT(sums.cwiseAbs().maxCoeff(), 1e-13 * size);
 }
 
-TEST(Elasticity, StiffnessIsSymmetricPositiveWithRowsThatSumToNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, StiffnessIsSymmetricPositiveWithRowsThatSumToNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   for (const double amount : {0.0, 0.02, 0.2}) {  // the last one turns tetrahedra inside out
     tissue.Strew(amount, &tissue.x);
     tissue.Evaluate();
@@ -188,8 +198,8 @@ Eigen::VectorXd Derivative(Tissue* tissue, int kind, std::vector<Vec3>* what,
   return (up - down) / (2 * h);
 }
 
-TEST(Elasticity, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
-  Tissue tissue(Block());
+TEST_P(ElasticLaw, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
+  Tissue tissue(Block(GetParam()));
   tissue.Map(kTurn);
   tissue.Evaluate();
   const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
@@ -200,8 +210,8 @@ TEST(Elasticity, StiffnessIsTheDerivativeOfTheForceAtRestHoweverTurned) {
   EXPECT_LT((k * Flat(d) + derivative).norm(), 1e-8 * derivative.norm());
 }
 
-TEST(Elasticity, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
-  Tissue tissue(Block());
+TEST(Corotational, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
+  Tissue tissue(Block(v1::ELASTIC_MODEL_COROTATIONAL));
   const double strain = 0.01;
   tissue.Map(kTurn * Vec3(1 + strain, 1 - strain / 2, 1).asDiagonal());
   tissue.Evaluate();
@@ -213,8 +223,8 @@ TEST(Elasticity, StiffnessErrsByNoMoreThanTheStrainWhenDeformed) {
   EXPECT_LT((k * Flat(d) + derivative).norm(), 2 * strain * derivative.norm());
 }
 
-TEST(Elasticity, DampingMatrixIsTheDerivativeOfTheDampingForce) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, DampingMatrixIsTheDerivativeOfTheDampingForce) {
+  Tissue tissue(Block(GetParam(), 0.01));
   tissue.Strew(0.02, &tissue.x);
   tissue.Strew(1, &tissue.v);
   tissue.Evaluate();
@@ -224,15 +234,15 @@ TEST(Elasticity, DampingMatrixIsTheDerivativeOfTheDampingForce) {
   EXPECT_LT(Flat(tissue.v).dot(Flat(tissue.force[1])), 0);
 }
 
-TEST(Elasticity, DampingAtRestIsRayleighs) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, DampingAtRestIsRayleighs) {
+  Tissue tissue(Block(GetParam(), 0.01));
   const Eigen::MatrixXd k = tissue.Stiffness(1, 0), d = tissue.Stiffness(0, 1);
   EXPECT_LT((d - 0.01 * k).norm(), 1e-14 * k.norm());  // the same sums, with F for R
 }
 
-TEST(Elasticity, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
+TEST_P(ElasticLaw, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
   for (const double poisson : {0.0, 0.3, 0.45}) {
-    TetBlock block = Block();
+    TetBlock block = Block(GetParam());
     block.poisson_ratio = poisson;
     Tissue tissue(block);
     std::vector<double> stiffness(tissue.x.size(), 0), damping(stiffness);
@@ -254,8 +264,8 @@ TEST(Elasticity, BoundIsAboveTheLargestFrequencyAndNotFarFromIt) {
   }
 }
 
-TEST(Elasticity, ThreadsAndInstructionSetsDoNotChangeABit) {
-  TetBlock block = Block(0.01);
+TEST_P(ElasticLaw, ThreadsAndInstructionSetsDoNotChangeABit) {
+  TetBlock block = Block(GetParam(), 0.01);
   block.cells = {16, 9, 9};  // enough to be split among threads
   Tissue tissue(block);
   tissue.Strew(0.02, &tissue.x);
@@ -292,8 +302,8 @@ TEST(Elasticity, ThreadsAndInstructionSetsDoNotChangeABit) {
   }
 }
 
-TEST(Elasticity, AllocatesNothing) {
-  Tissue tissue(Block(0.01));
+TEST_P(ElasticLaw, AllocatesNothing) {
+  Tissue tissue(Block(GetParam(), 0.01));
   BlockMatrix matrix = tissue.Matrix();
   tissue.Strew(0.2, &tissue.x);
   Parallel two(2);
@@ -305,6 +315,140 @@ TEST(Elasticity, AllocatesNothing) {
     tissue.effect.AddEnergies(share);
   }
   EXPECT_EQ(allocations, before);
+}
+
+TEST_P(ElasticLaw, ForceIsMinusTheGradientWhenCrushedAndInverted) {
+  Tissue tissue(Block(GetParam()));
+  tissue.Strew(0.1, &tissue.x);  // as wide as a cell
+  tissue.Evaluate();
+  const std::vector<Vec3> force = tissue.force[0];
+  const double h = 1e-7;
+  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+    for (int k = 0; k < 3; ++k) {
+      tissue.x[p](k) += h;
+      const double up = tissue.Evaluate();
+      tissue.x[p](k) -= 2 * h;
+      const double down = tissue.Evaluate();
+      tissue.x[p](k) += h;
+      // Strains of 1 and more: energies of 10 J err by 1e-15 J, over 1e-7 m.
+      EXPECT_NEAR(force[p](k), -(up - down) / (2 * h), 1e-7 * Size(force)) << p << " " << k;
+    }
+  }
+}
+
+TEST(NeoHookean, StiffnessIsTheDerivativeOfTheForceWhereNothingIsProjected) {
+  Tissue tissue(Block(v1::ELASTIC_MODEL_NEO_HOOKEAN));
+  tissue.Map(1.1 * kTurn);  // stretched, so that no eigenvalue is near zero
+  tissue.Strew(0.001, &tissue.x);
+  tissue.Evaluate();
+  const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
+  std::vector<Vec3> d(tissue.x.size(), Vec3::Zero());
+  tissue.Strew(1, &d);
+  const Eigen::VectorXd derivative = Derivative(&tissue, 0, &tissue.x, d, 1e-6);
+  // Differences as above; the frame of the singular values is good to 1e-8 where two of them agree.
+  EXPECT_LT((k * Flat(d) + derivative).norm(), 1e-7 * derivative.norm());
+}
+
+// A tetrahedron stretched by s_0, s_1, s_2 along x, y, z; tr P / V of its corners' forces.
+Mat3 StressOf(v1::ElasticModel law, double poisson, const Vec3& stretch) {
+  Tissue tissue(TetBlock{.cells = {1, 1, 1}, .poisson_ratio = poisson, .law = law});
+  tissue.Map(stretch.asDiagonal());
+  tissue.Evaluate();
+  Mat3 stress = Mat3::Zero();  // P V = -sum f_a X_a^T, and V = 1
+  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+    stress -= tissue.force[0][p] * tissue.model->rest_position_m[p].transpose();
+  }
+  return stress;
+}
+
+TEST(NeoHookean, UniaxialStressIsTheClosedForm) {
+  // With free sides mu b + (lambda ln(a b^2) - mu) / b = 0 for the lateral stretch b; then P_11 =
+  // mu a + (lambda ln(a b^2) - mu) / a. In the incompressible limit mu (a - 1 / a^2).
+  for (const double poisson : {0.0, 0.3, 0.45, 0.499}) {
+    const double mu = 1000 / (2 * (1 + poisson)), lambda = 2 * mu * poisson / (1 - 2 * poisson);
+    for (const double a : {0.5, 0.9, 1.0, 1.5, 3.0}) {
+      double low = 0.1, high = 3;  // the equation rises with b
+      for (int k = 0; k < 100; ++k) {
+        const double b = 0.5 * (low + high);
+        (mu * b * b + lambda * std::log(a * b * b) - mu > 0 ? high : low) = b;
+      }
+      const Mat3 stress = StressOf(v1::ELASTIC_MODEL_NEO_HOOKEAN, poisson, {a, low, low});
+      const double expected = mu * a + (lambda * std::log(a * low * low) - mu) / a;
+      // Round-off of lambda, up to 250 mu.
+      EXPECT_NEAR(stress(0, 0), expected, 1e-10 * (mu + lambda)) << poisson << " " << a;
+      EXPECT_LT((stress - Mat3(Vec3(stress(0, 0), 0, 0).asDiagonal())).norm(),
+                1e-10 * (mu + lambda));
+      if (poisson == 0.499) {  // compressible by 1 / 500
+        EXPECT_NEAR(expected, mu * (a - 1 / (a * a)), 0.01 * mu * (1 + a)) << a;
+      }
+    }
+  }
+}
+
+TEST(NeoHookean, IsSmoothWhereItsContinuationBegins) {
+  // P_11 of a uniform compression about J = 0.2, where the continuation has the same value, slope
+  // and curvature of energy: the stress has no jump, and neither has its slope.
+  const auto stress = [](double j) {
+    const double s = std::cbrt(j);
+    return StressOf(v1::ELASTIC_MODEL_NEO_HOOKEAN, 0.3, {s, s, s})(0, 0);
+  };
+  const double h = 1e-5, at = stress(0.2), scale = std::abs(at);
+  const double below = (at - stress(0.2 - h)) / h, above = (stress(0.2 + h) - at) / h;
+  EXPECT_NEAR(stress(0.2 - 1e-9), stress(0.2 + 1e-9), 1e-6 * scale);  // slope 5 / J times 2e-9
+  EXPECT_NEAR(below, above, 1e-3 * std::abs(above));                  // second derivative times h
+}
+
+TEST(Corotational, SmallUniaxialStressIsYoungsModulusTimesStrain) {
+  const double strain = 1e-3;
+  for (const double poisson : {0.0, 0.3, 0.45}) {
+    const Mat3 stress = StressOf(v1::ELASTIC_MODEL_COROTATIONAL, poisson,
+                                 {1 + strain, 1 - poisson * strain, 1 - poisson * strain});
+    // Linear in the stretches: only round-off.
+    EXPECT_NEAR(stress(0, 0), 1000 * strain, 1e-10);
+    EXPECT_LT((stress - Mat3(Vec3(stress(0, 0), 0, 0).asDiagonal())).norm(), 1e-10);
+  }
+}
+
+TEST_P(ElasticLaw, PatchTestAnAffineBoundaryGivesAnAffineInside) {
+  // A distorted mesh whose outer particles are moved by x -> A x + b: equilibrium of the inner
+  // ones, found by Newton's method, is at A X + b.
+  for (const bool six : {false, true}) {
+    TetBlock block{.cells = {4, 3, 3}, .six_a_cell = six, .jitter = 0.25, .poisson_ratio = 0.4};
+    block.law = GetParam();
+    Tissue tissue(block);
+    Mat3 affine = Mat3::Identity();
+    affine += (Mat3() << 0.05, 0.02, -0.03, 0.01, -0.04, 0.02, 0.03, -0.01, 0.02).finished();
+    std::vector<int> inner;
+    for (int p = 0; p < tissue.model->particle_count(); ++p) {
+      const Vec3& at = tissue.model->rest_position_m[p];
+      if (at.minCoeff() > 1e-9 && at.maxCoeff() < 1 - 1e-9) inner.push_back(p);
+    }
+    ASSERT_EQ(inner.size(), 12u);
+    tissue.Map(kTurn * affine, Vec3(0.1, 0.2, 0.3));
+    const std::vector<Vec3> expected = tissue.x;
+    tissue.Evaluate();
+    double worst = 0;
+    for (int p : inner) worst = std::max(worst, tissue.force[0][p].norm());
+    EXPECT_LT(worst, 1e-12 * Size(tissue.force[0]));  // affine: in equilibrium
+    for (int p : inner) tissue.x[p] += Vec3(0.02, -0.01, 0.01);
+    const int n = 3 * static_cast<int>(inner.size());
+    for (int iteration = 0; iteration < 200; ++iteration) {
+      tissue.Evaluate();
+      const Eigen::MatrixXd k = tissue.Stiffness(1, 0);
+      Eigen::MatrixXd reduced(n, n);
+      Eigen::VectorXd residual(n);
+      for (int i = 0; i < n / 3; ++i) {
+        residual.segment<3>(3 * i) = tissue.force[0][inner[i]];
+        for (int j = 0; j < n / 3; ++j) {
+          reduced.block<3, 3>(3 * i, 3 * j) = k.block<3, 3>(3 * inner[i], 3 * inner[j]);
+        }
+      }
+      const Eigen::VectorXd step = reduced.ldlt().solve(residual);
+      for (int i = 0; i < n / 3; ++i) tissue.x[inner[i]] += step.segment<3>(3 * i);
+      if (step.norm() < 1e-14) break;  // the corotational stiffness is inexact: some ten steps
+    }
+    for (int p : inner) EXPECT_LT((tissue.x[p] - expected[p]).norm(), 1e-10) << p;
+  }
 }
 
 }  // namespace

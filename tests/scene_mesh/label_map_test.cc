@@ -28,7 +28,7 @@ std::string Gzip(const std::string& bytes) {
 
 // 3 x 2 x 2 voxels, each of one byte.
 const std::string kVoxels("\x00\x01\x00\x00\x00\x7f\xff\x00\x00\x00\x00\x00", 12);
-const std::vector<std::uint8_t> kSolid = {0, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0};
+const std::vector<std::uint8_t> kSolid = {0, 1, 0, 0, 0, 2, 3, 0, 0, 0, 0, 0};
 
 std::string InrHeader(const std::string& size = "XDIM=3\nYDIM=2\nZDIM=2\n",
                       const std::string& bits = "8") {
@@ -81,7 +81,7 @@ TEST(LabelMap, MirrorsALeftHandedImageBack) {
   const auto left =
       ParseLabelMap(NrrdHeader("space directions: (0.5,0,0) (0,1,0) (0,0,-2)\n") + kVoxels);
   ASSERT_TRUE(left.ok()) << left.status();
-  EXPECT_EQ(left->solid, (std::vector<std::uint8_t>{1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1}));
+  EXPECT_EQ(left->solid, (std::vector<std::uint8_t>{1, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 3}));
 }
 
 TEST(LabelMap, ReadsWideLabelsInAnyByteOrder) {
@@ -90,6 +90,10 @@ TEST(LabelMap, ReadsWideLabelsInAnyByteOrder) {
   const auto inr = ParseLabelMap(InrHeader("XDIM=3\nYDIM=2\nZDIM=2\n", "16") + wide);
   ASSERT_TRUE(inr.ok()) << inr.status();
   EXPECT_EQ(inr->solid, kSolid);
+  EXPECT_EQ(inr->labels, (std::vector<std::uint32_t>{0x100, 0x7f00, 0xff00}));
+  std::string header = InrHeader("XDIM=3\nYDIM=2\nZDIM=2\n", "16");
+  header.replace(header.find("CPU=decm"), 8, "CPU=sun\n");
+  EXPECT_EQ(ParseLabelMap(header + wide)->labels, (std::vector<std::uint32_t>{1, 0x7f, 0xff}));
 }
 
 TEST(LabelMap, RefusesWhatIsNotALabelMap) {

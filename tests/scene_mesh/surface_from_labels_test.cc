@@ -20,7 +20,7 @@ namespace {
 
 // An image of n^3 voxels of 1 mm, solid where `is_solid` says so of the voxel's centre [mm].
 SolidMap Image(int n, const std::function<bool(const Vec3&)>& is_solid) {
-  SolidMap map{{n, n, n}, Vec3::Constant(1e-3), {}};
+  SolidMap map{{n, n, n}, Vec3::Constant(1e-3), {}, {1}};
   for (int z = 0; z < n; ++z) {
     for (int y = 0; y < n; ++y) {
       for (int x = 0; x < n; ++x) map.solid.push_back(is_solid(Vec3(x + 0.5, y + 0.5, z + 0.5)));

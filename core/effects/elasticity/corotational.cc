@@ -10,8 +10,8 @@ unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Ve
                             TetRotations rotation, TetForces* out) {
   unsigned failed = 0;
   ForLanes(
-      simd, [&](auto kernel, int first) __attribute__((always_inline)) {
-        using Kernel = decltype(kernel);
+      simd, [&](auto width, int first) __attribute__((always_inline)) {
+        using Kernel = TetKernel<decltype(width)::value>;
         using V = typename Kernel::V;
         using V33 = typename Kernel::V33;
         const V33 f = Kernel::Gradient(first, batch, position_m);
@@ -49,8 +49,8 @@ unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Ve
 void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                            double scale, const TetRotations& rotation, TetBlocks* out) {
   ForLanes(
-      simd, [&](auto kernel, int first) __attribute__((always_inline)) {
-        using Kernel = decltype(kernel);
+      simd, [&](auto width, int first) __attribute__((always_inline)) {
+        using Kernel = TetKernel<decltype(width)::value>;
         using V = typename Kernel::V;
         const auto f = Kernel::Gradient(first, batch, position_m);
         V q[4];
@@ -80,16 +80,6 @@ void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec
           }
         }
       });
-}
-
-Mat3 DeformationGradient(const TetBatch& batch, int lane, std::span<const Vec3> position_m) {
-  const auto at = [&](const Lanes3& u) { return Vec3(u.x.v[lane], u.y.v[lane], u.z.v[lane]); };
-  const Vec3& origin = position_m[batch.particle[0][lane]];
-  Mat3 f = Mat3::Zero();
-  for (int a = 0; a < 3; ++a) {
-    f += (position_m[batch.particle[a + 1][lane]] - origin) * at(batch.gradient_1_m[a]).transpose();
-  }
-  return f;
 }
 
 }  // namespace adhesim

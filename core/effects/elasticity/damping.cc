@@ -9,8 +9,8 @@ namespace adhesim {
 void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                    std::span<const Vec3> velocity_m_s, double damping_s, TetForces* out) {
   ForLanes(
-      simd, [&](auto kernel, int first) __attribute__((always_inline)) {
-        using Kernel = decltype(kernel);
+      simd, [&](auto width, int first) __attribute__((always_inline)) {
+        using Kernel = TetKernel<decltype(width)::value>;
         using V = typename Kernel::V;
         using V33 = typename Kernel::V33;
         const V33 f = Kernel::Gradient(first, batch, position_m);
@@ -46,8 +46,8 @@ void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> posit
 void AddDampingStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                          double scale, TetBlocks* out) {
   ForLanes(
-      simd, [&](auto kernel, int first) __attribute__((always_inline)) {
-        using Kernel = decltype(kernel);
+      simd, [&](auto width, int first) __attribute__((always_inline)) {
+        using Kernel = TetKernel<decltype(width)::value>;
         using V = typename Kernel::V;
         const auto f = Kernel::Gradient(first, batch, position_m);
         V left[3][3];  // F F^T

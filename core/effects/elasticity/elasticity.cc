@@ -14,24 +14,6 @@ constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
 constexpr int kEdgeGrain = 1024;
 
-Vec3 LaneOf(const Lanes3& lanes, int lane) {
-  return {lanes.x.v[lane], lanes.y.v[lane], lanes.z.v[lane]};
-}
-
-void SetLane(const Vec3& v, int lane, Lanes3* lanes) {
-  lanes->x.v[lane] = v.x();
-  lanes->y.v[lane] = v.y();
-  lanes->z.v[lane] = v.z();
-}
-
-// The gradients of the corners' shape functions.
-std::array<Vec3, 4> GradientsOf(const TetBatch& batch, int lane) {
-  std::array<Vec3, 4> b;
-  for (int a = 0; a < 3; ++a) b[a + 1] = LaneOf(batch.gradient_1_m[a], lane);
-  b[0] = -(b[1] + b[2] + b[3]);
-  return b;
-}
-
 // Largest singular value of lambda p q^T + mu (q p^T + (p . q) I). In the plane of p and q, whose
 // bisectors are its axes, this is a matrix (a b; -b d); across it, mu p . q.
 double BlockNorm(const Vec3& p, const Vec3& q, double lambda, double mu) {
@@ -49,7 +31,8 @@ double BlockNorm(const Vec3& p, const Vec3& q, double lambda, double mu) {
 }  // namespace
 
 ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& message)
-    : damping_s_(message.stiffness_damping_s()) {
+    : damping_s_(message.stiffness_damping_s()),
+      neo_hookean_(message.model() == v1::ELASTIC_MODEL_NEO_HOOKEAN) {
   std::vector<std::int32_t> tetrahedra;
   for (const int b : SelectBodies(model, message.bodies(), [](const Body& body) {
          return !body.rigid && !body.all_fixed;
@@ -216,6 +199,22 @@ double ElasticityEffect::AddForces(const ForceInput& in, const ForceOutput& out)
 void ElasticityEffect::EvaluateBatch(int b, const ForceInput& in, TetForces* forces) const {
   const TetBatch& batch = batch_[b];
   const Simd simd = in.parallel->simd();
+  if (neo_hookean_) {
+    const unsigned crushed = NeoHookeanForces(simd, batch, in.position_m, forces);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (crushed & (1u << lane)) AddCollapseForces(batch, lane, in.position_m, forces);
+    }
+  } else {
+    EvaluateCorotational(b, in, forces);
+  }
+  if (damping_s_ > 0) {
+    DampingForces(simd, batch, in.position_m, in.velocity_m_s, damping_s_, forces);
+  }
+}
+
+void ElasticityEffect::EvaluateCorotational(int b, const ForceInput& in, TetForces* forces) const {
+  const TetBatch& batch = batch_[b];
+  const Simd simd = in.parallel->simd();
   double* stored = &in.effect_state[4 * kLanes * b];
   TetRotations rotation;
   std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
@@ -233,9 +232,6 @@ void ElasticityEffect::EvaluateBatch(int b, const ForceInput& in, TetForces* for
     CorotationalForces(simd, batch, in.position_m, rotation, forces);
   }
   std::memcpy(stored, rotation, sizeof(rotation));
-  if (damping_s_ > 0) {
-    DampingForces(simd, batch, in.position_m, in.velocity_m_s, damping_s_, forces);
-  }
 }
 
 // A tetrahedron's energy belongs to its corners in equal parts.
@@ -302,17 +298,20 @@ void ElasticityEffect::AddStiffness(const ForceInput& in, double stiffness_scale
 void ElasticityEffect::SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale,
                                  int begin, int end) const {
   std::fill(edge_block_n_m_.begin() + begin, edge_block_n_m_.begin() + end, Mat3::Zero());
+  const Simd simd = in.parallel->simd();
   TetBlocks blocks;
   for (int b = 0; b < static_cast<int>(batch_.size()); ++b) {
     const TetBatch& batch = batch_[b];
     if (batch.end_edge <= begin || batch.first_edge >= end) continue;
-    TetRotations rotation;
-    std::memcpy(static_cast<void*>(rotation), &in.effect_state[4 * kLanes * b], sizeof(rotation));
-    CorotationalStiffness(in.parallel->simd(), batch, in.position_m, stiffness_scale, rotation,
-                          &blocks);
+    if (neo_hookean_) {
+      NeoHookeanStiffness(simd, batch, in.position_m, stiffness_scale, &blocks);
+    } else {
+      TetRotations rotation;
+      std::memcpy(static_cast<void*>(rotation), &in.effect_state[4 * kLanes * b], sizeof(rotation));
+      CorotationalStiffness(simd, batch, in.position_m, stiffness_scale, rotation, &blocks);
+    }
     if (damping_s_ > 0 && damping_scale != 0) {
-      AddDampingStiffness(in.parallel->simd(), batch, in.position_m, damping_scale * damping_s_,
-                          &blocks);
+      AddDampingStiffness(simd, batch, in.position_m, damping_scale * damping_s_, &blocks);
     }
     for (int lane = 0; lane < LanesOf(b); ++lane) {
       for (int pair = 0; pair < 6; ++pair) {

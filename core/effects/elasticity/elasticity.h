@@ -24,8 +24,10 @@ class ElasticityEffect : public Effect {
   void UseMatrix(const BlockMatrix& matrix) override;
   void AddStiffness(const ForceInput& in, double stiffness_scale, double damping_scale,
                     BlockMatrix* matrix) const override;
-  // The rotation of each lane: x, y, z, w.
-  int state_size() const override { return static_cast<int>(batch_.size()) * 4 * kLanes; }
+  // Of the corotational law: the rotation of each lane, x, y, z, w.
+  int state_size() const override {
+    return neo_hookean_ ? 0 : static_cast<int>(batch_.size()) * 4 * kLanes;
+  }
   void InitialState(std::span<double> state) const override;
 
  private:
@@ -38,11 +40,13 @@ class ElasticityEffect : public Effect {
   void ListCorners();
   int LanesOf(int batch) const { return std::min(kLanes, tet_count_ - batch * kLanes); }
   void EvaluateBatch(int batch, const ForceInput& in, TetForces* forces) const;
+  void EvaluateCorotational(int batch, const ForceInput& in, TetForces* forces) const;
   // Adds the blocks of all tetrahedra to the edges [begin, end).
   void SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale, int begin,
                  int end) const;
 
   double damping_s_;
+  bool neo_hookean_;
   int tet_count_ = 0;
   std::vector<TetBatch> batch_;
   // Pairs of particles with a tetrahedron in common, ascending.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -45,6 +46,17 @@ unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Ve
 void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                            double scale, const TetRotations& rotation, TetBlocks* out);
 
+// Elastic forces and energy of the neo-Hookean law, without its collapse term. Returns the lanes
+// (bits) with J < 0.2, which may have one.
+unsigned NeoHookeanForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                          TetForces* out);
+// Adds the collapse term of one lane.
+void AddCollapseForces(const TetBatch& batch, int lane, std::span<const Vec3> position_m,
+                       TetForces* out);
+// Its stiffness, collapse term included, times `scale`.
+void NeoHookeanStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
+                         double scale, TetBlocks* out);
+
 // Forces of Kelvin-Voigt damping of relaxation time `damping_s`, whatever the law.
 void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                    std::span<const Vec3> velocity_m_s, double damping_s, TetForces* out);
@@ -52,6 +64,17 @@ void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> posit
 void AddDampingStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                          double scale, TetBlocks* out);
 
+inline Vec3 LaneOf(const Lanes3& lanes, int lane) {
+  return {lanes.x.v[lane], lanes.y.v[lane], lanes.z.v[lane]};
+}
+inline void SetLane(const Vec3& v, int lane, Lanes3* lanes) {
+  lanes->x.v[lane] = v.x();
+  lanes->y.v[lane] = v.y();
+  lanes->z.v[lane] = v.z();
+}
+
+// b_0 .. b_3 of one lane.
+std::array<Vec3, 4> GradientsOf(const TetBatch& batch, int lane);
 // dx/dX of one lane.
 Mat3 DeformationGradient(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
 

@@ -58,13 +58,16 @@ struct TetKernel : LaneMath<kWidth> {
   }
 };
 
-// Calls loop(TetKernel<kWidth>(), first) for the lanes of a batch.
+// Calls loop(width, first) for the lanes of a batch, width::value of them at a time. Loops are
+// marked always_inline, or they would not be compiled for the instruction set.
 template <typename Loop>
 ADHESIM_INLINE void ForLanes(Simd simd, const Loop& loop) {
   RunSimd(
       simd, [&](auto target) __attribute__((always_inline)) {
         constexpr int kWidth = decltype(target)::value == Simd::kAvx512 ? 8 : 4;
-        for (int first = 0; first < kLanes; first += kWidth) loop(TetKernel<kWidth>(), first);
+        for (int first = 0; first < kLanes; first += kWidth) {
+          loop(std::integral_constant<int, kWidth>(), first);
+        }
       });
 }
 #pragma GCC diagnostic pop

@@ -19,11 +19,6 @@
 namespace adhesim {
 namespace {
 
-// Below this ratio of (twice the area) to (longest side)^2 a triangle has no usable normal: the
-// height is then 1e-10 of the longest side, four decades above the rounding of doubles and well
-// below any sliver that a file in single precision can mean.
-constexpr double kNoArea = 1e-10;
-
 // A surface of more pieces than this is a soup of triangles, not an organ with its vessels.
 constexpr int kMaxPieces = 1000;
 
@@ -106,19 +101,16 @@ class Checker {
       const auto [a, b, c] = mesh_.triangles[t];
       const std::array<Vec3, 3> corner = {mesh_.vertices[a], mesh_.vertices[b], mesh_.vertices[c]};
       const double area = AreaVector(corner[0], corner[1], corner[2]).norm();
-      double longest_sq = 0;
       for (int k = 0; k < 3; ++k) {
         const Vec3 next = corner[(k + 1) % 3] - corner[k], last = corner[(k + 2) % 3] - corner[k];
         report_.min_edge_m = std::min(report_.min_edge_m, next.norm());
         report_.max_edge_m = std::max(report_.max_edge_m, next.norm());
-        longest_sq = std::max(longest_sq, next.squaredNorm());
         const double lengths = next.norm() * last.norm();
         max_cosine = std::max(max_cosine, lengths > 0 ? next.dot(last) / lengths : 1.0);
         report_.box.Add(corner[k]);
       }
       report_.area_m2 += area;
-      // Not "area <= ...", which a NaN from an overflow would pass.
-      if (a == b || b == c || c == a || !(2 * area > kNoArea * longest_sq)) {
+      if (a == b || b == c || c == a || !HasArea(corner[0], corner[1], corner[2])) {
         degenerate.push_back(absl::StrCat(t));
       }
       if (a != b && b != c && c != a) surface_.push_back(t);
@@ -175,52 +167,21 @@ class Checker {
     }
   }
 
-  // Walks over the edges and finds which triangles face the other way than most of their piece.
+  // Names the triangles that face the other way than most of their piece.
   void CheckWinding() {
-    const int n = static_cast<int>(kept_.size());
-    std::vector<std::vector<std::pair<int, bool>>> across(
-        n);  // (triangle, same way along the edge)
-    ForEachEdge(sides_, [&](std::span<const TriangleSide> edge) {
-      if (edge.size() != 2) return;
-      const bool clash = edge[0].ascending == edge[1].ascending;
-      across[edge[0].triangle].emplace_back(edge[1].triangle, clash);
-      across[edge[1].triangle].emplace_back(edge[0].triangle, clash);
-    });
     report_.oriented = report_.inconsistent_edges == 0 && report_.non_manifold_edges == 0;
     if (report_.inconsistent_edges == 0) return;
-
-    std::vector<int> turned(n, -1);  // 1: faces the other way than the first triangle of its piece
-    std::vector<std::string> flipped;
-    bool one_sided = false;
-    for (int start = 0; start < n; ++start) {
-      if (turned[start] >= 0) continue;
-      std::vector<int> piece = {start};
-      turned[start] = 0;
-      for (std::size_t i = 0; i < piece.size(); ++i) {
-        for (const auto& [other, clash] : across[piece[i]]) {
-          const int expected = turned[piece[i]] ^ (clash ? 1 : 0);
-          if (turned[other] < 0) {
-            turned[other] = expected;
-            piece.push_back(other);
-          } else if (turned[other] != expected) {
-            one_sided = true;
-          }
-        }
-      }
-      const auto turned_count =
-          std::count_if(piece.begin(), piece.end(), [&](int t) { return turned[t] == 1; });
-      const int minority = 2 * turned_count > static_cast<std::ptrdiff_t>(piece.size()) ? 0 : 1;
-      std::sort(piece.begin(), piece.end());
-      for (const int t : piece) {
-        if (turned[t] == minority) flipped.push_back(absl::StrCat(surface_[t]));
-      }
-    }
-    if (one_sided) {
+    const Facing facing = FindFacing(sides_, static_cast<int>(kept_.size()));
+    if (facing.one_sided) {
       AddFlaw("the surface has one side only (like a Moebius strip): it has no outside");
-    } else {
-      AddFlaw(absl::StrCat("flipped winding: ", Few("triangle", "triangles", flipped),
-                           " faces the other way than its neighbours; swap two of its vertices"));
+      return;
     }
+    std::vector<std::string> flipped;
+    for (std::size_t t = 0; t < kept_.size(); ++t) {
+      if (facing.flipped[t]) flipped.push_back(absl::StrCat(surface_[t]));
+    }
+    AddFlaw(absl::StrCat("flipped winding: ", Few("triangle", "triangles", flipped),
+                         " faces the other way than its neighbours; swap two of its vertices"));
   }
 
   // Vertices without triangles, and vertices at which several fans of triangles touch in a point.

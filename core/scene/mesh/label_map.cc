@@ -1,5 +1,6 @@
 #include "core/scene/mesh/label_map.h"
 
+#include <absl/container/flat_hash_map.h>
 #include <absl/status/status.h>
 #include <absl/strings/ascii.h>
 #include <absl/strings/match.h>
@@ -11,6 +12,7 @@
 #include <cmath>
 #include <map>
 
+#include "core/scene/mesh/bytes.h"
 #include "core/scene/mesh/inflate.h"
 #include "core/scene/mesh/mesh_text.h"
 #include "core/scene/mesh/read_file.h"
@@ -29,6 +31,7 @@ struct Header {
   Vec3 spacing_m = Vec3::Ones();
   bool mirrored = false;  // left-handed axes
   int bytes_per_voxel = 1;
+  bool big_endian = false;
   bool gzip = false;  // the data after the header
   std::size_t data_position = 0;
 };
@@ -88,6 +91,7 @@ absl::StatusOr<Header> ParseInrHeader(absl::string_view start) {
   const std::string& bits = fields["PIXSIZE"];
   header.bytes_per_voxel = bits == "8 bits" ? 1 : bits == "16 bits" ? 2 : bits == "32 bits" ? 4 : 0;
   if (header.bytes_per_voxel == 0) return Error("PIXSIZE must be 8, 16 or 32 bits");
+  header.big_endian = fields["CPU"] == "sun" || fields["CPU"] == "sgi";
   return header;
 }
 
@@ -142,6 +146,7 @@ absl::StatusOr<Header> ParseNrrdHeader(absl::string_view start) {
   const absl::StatusOr<int> bytes = NrrdTypeBytes(fields["type"]);
   if (!bytes.ok()) return bytes.status();
   header.bytes_per_voxel = *bytes;
+  header.big_endian = fields["endian"] == "big";
   header.gzip = fields["encoding"] == "gzip" || fields["encoding"] == "gz";
   if (!header.gzip && fields["encoding"] != "raw") return Error("'encoding' must be raw or gzip");
   if (fields.count("space directions") > 0) {
@@ -159,19 +164,56 @@ absl::StatusOr<Header> ParseNrrdHeader(absl::string_view start) {
   return header;
 }
 
-// Any byte of a voxel that is not zero makes its label not zero: the byte order does not matter.
+// Gives labels their numbers.
+class LabelNumbers {
+ public:
+  explicit LabelNumbers(SolidMap* map) : map_(map) {}
+
+  std::uint8_t Of(std::uint32_t label) {
+    if (label == 0) return 0;
+    if (label == last_label_) return last_number_;  // voxels beside each other are mostly alike
+    last_label_ = label;
+    const auto [it, is_new] =
+        numbers_.try_emplace(label, static_cast<std::uint8_t>(map_->labels.size() + 1));
+    if (is_new && map_->labels.size() == kMost) {
+      map_->too_many_labels = true;
+      it->second = kMost + 1;
+    } else if (is_new) {
+      map_->labels.push_back(label);
+    }
+    return last_number_ = it->second;
+  }
+
+ private:
+  static constexpr std::uint8_t kMost = 254;
+  SolidMap* map_;
+  std::uint32_t last_label_ = 0;
+  std::uint8_t last_number_ = 0;
+  absl::flat_hash_map<std::uint32_t, std::uint8_t> numbers_;
+};
+
+std::uint32_t LabelOf(const Header& header, absl::string_view data, std::size_t voxel) {
+  const std::size_t at = voxel * header.bytes_per_voxel;
+  switch (header.bytes_per_voxel) {
+    case 1:
+      return static_cast<std::uint8_t>(data[at]);
+    case 2:
+      return LoadNumber<std::uint16_t>(data, at, header.big_endian);
+    default:
+      return LoadNumber<std::uint32_t>(data, at, header.big_endian);
+  }
+}
+
 SolidMap MakeSolid(const Header& header, absl::string_view data) {
-  SolidMap map{header.size, header.spacing_m, {}};
+  SolidMap map{header.size, header.spacing_m, {}, {}};
+  LabelNumbers numbers(&map);
   const auto [nx, ny, nz] = header.size;
   const std::size_t layer = static_cast<std::size_t>(nx) * ny;
   map.solid.resize(layer * nz);
   for (int z = 0; z < nz; ++z) {
     const std::size_t from = layer * (header.mirrored ? nz - 1 - z : z);
     for (std::size_t i = 0; i < layer; ++i) {
-      const absl::string_view voxel =
-          data.substr((from + i) * header.bytes_per_voxel, header.bytes_per_voxel);
-      map.solid[layer * z + i] =
-          std::any_of(voxel.begin(), voxel.end(), [](char byte) { return byte != 0; });
+      map.solid[layer * z + i] = numbers.Of(LabelOf(header, data, from + i));
     }
   }
   return map;

@@ -16,11 +16,13 @@ namespace adhesim {
 constexpr std::int64_t kMaxVoxels = 500'000'000;
 constexpr std::size_t kMaxLabelBytes = std::size_t{1} << 30;  // of voxels, after decompression
 
-// A segmented image, reduced to what a surface needs: which voxels have any label.
+// A segmented image. A surface needs only which voxels have any label; tetrahedra ask which.
 struct SolidMap {
-  std::array<int, 3> size{};        // voxels along x, y, z; right-handed axes
-  Vec3 spacing_m = Vec3::Ones();    // between voxels
-  std::vector<std::uint8_t> solid;  // [z][y][x] 1: the label is not zero
+  std::array<int, 3> size{};          // voxels along x, y, z; right-handed axes
+  Vec3 spacing_m = Vec3::Ones();      // between voxels
+  std::vector<std::uint8_t> solid;    // [z][y][x] 0: no label; else the label's number, from 1
+  std::vector<std::uint32_t> labels;  // label number i + 1, in the order of their first voxels
+  bool too_many_labels = false;       // those after the 254th share a number, without a label
 };
 
 // Reads an INR ("#INRIMAGE-4#{", fixed point) or NRRD (three dimensions, data in the same file, raw

@@ -27,29 +27,21 @@ absl::StatusOr<TetMesh> MakeTetBlock(const Vec3& size_m, int cells) {
         " cells with ", nodes, " nodes; at most ", kMaxParticles, " are permitted"));
   }
   TetMesh mesh;
-  std::vector<Vec3>& points = mesh.surface.vertices;
-  points.reserve(nodes);
+  const Lattice lattice{n};
+  mesh.surface.vertices.reserve(nodes);
   for (int z = 0; z <= n[2]; ++z) {
     for (int y = 0; y <= n[1]; ++y) {
       for (int x = 0; x <= n[0]; ++x) {
-        points.emplace_back(size_m.x() * (static_cast<double>(x) / n[0] - 0.5),
-                            size_m.y() * (static_cast<double>(y) / n[1] - 0.5),
-                            size_m.z() * (static_cast<double>(z) / n[2] - 0.5));
+        mesh.surface.vertices.emplace_back(size_m.x() * (static_cast<double>(x) / n[0] - 0.5),
+                                           size_m.y() * (static_cast<double>(y) / n[1] - 0.5),
+                                           size_m.z() * (static_cast<double>(z) / n[2] - 0.5));
       }
     }
   }
-  const auto node = [&](int x, int y, int z) { return (z * (n[1] + 1) + y) * (n[0] + 1) + x; };
-  for (int z = 0; z < n[2]; ++z) {
-    for (int y = 0; y < n[1]; ++y) {
-      for (int x = 0; x < n[0]; ++x) {
-        for (const auto& corners : CellTetrahedra(x, y, z)) {
-          Tetrahedron& tetrahedron = mesh.tetrahedra.emplace_back();
-          for (int k = 0; k < 4; ++k) {
-            const int c = corners[k];
-            tetrahedron[k] = node(x + (c & 1), y + (c >> 1 & 1), z + (c >> 2 & 1));
-          }
-        }
-      }
+  for (std::int32_t cell = 0; cell < lattice.cell_count(); ++cell) {
+    for (const auto& corners : CellTetrahedra(lattice.CellAt(cell))) {
+      Tetrahedron& tetrahedron = mesh.tetrahedra.emplace_back();
+      for (int k = 0; k < 4; ++k) tetrahedron[k] = lattice.Corner(cell, corners[k]);
     }
   }
   mesh.fill.assign(mesh.tetrahedra.size(), 1);

@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <array>
+#include <cstdint>
 
 #include "core/scene/mesh/tet_mesh.h"
 
@@ -15,7 +16,35 @@ namespace adhesim {
 inline constexpr int kCellTetrahedra[2][5][4] = {
     {{0, 5, 3, 6}, {1, 0, 5, 3}, {2, 3, 6, 0}, {4, 5, 0, 6}, {7, 6, 3, 5}},   // even cells
     {{1, 2, 4, 7}, {0, 1, 2, 4}, {3, 2, 1, 7}, {5, 4, 7, 1}, {6, 7, 4, 2}}};  // odd cells
-inline const auto& CellTetrahedra(int x, int y, int z) { return kCellTetrahedra[(x + y + z) & 1]; }
+inline const auto& CellTetrahedra(const std::array<int, 3>& at) {
+  return kCellTetrahedra[(at[0] + at[1] + at[2]) & 1];
+}
+
+// A regular lattice of cubes.
+struct Lattice {
+  std::array<int, 3> size{};  // cells along each axis
+  Vec3 origin = Vec3::Zero();
+  double cell_m = 0;
+
+  std::int32_t cell_count() const { return size[0] * size[1] * size[2]; }
+  std::int32_t Cell(int x, int y, int z) const { return (z * size[1] + y) * size[0] + x; }
+  std::array<int, 3> CellAt(std::int32_t cell) const {
+    return {cell % size[0], cell / size[0] % size[1], cell / size[0] / size[1]};
+  }
+  // Nodes are numbered like the cells of a lattice that is one larger.
+  std::int32_t node_count() const { return (size[0] + 1) * (size[1] + 1) * (size[2] + 1); }
+  std::int32_t Node(int x, int y, int z) const {
+    return (z * (size[1] + 1) + y) * (size[0] + 1) + x;
+  }
+  std::int32_t Corner(std::int32_t cell, int corner) const {
+    const auto [x, y, z] = CellAt(cell);
+    return Node(x + (corner & 1), y + (corner >> 1 & 1), z + (corner >> 2 & 1));
+  }
+  Vec3 NodePosition(std::int32_t node) const {
+    const int nx = size[0] + 1, ny = size[1] + 1;
+    return origin + cell_m * Vec3(node % nx, node / nx % ny, node / nx / ny);
+  }
+};
 
 // Cells along each axis: `cells` along the longest, the others as near to cubes as they can be, at
 // least one.

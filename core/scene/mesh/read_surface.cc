@@ -4,9 +4,12 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/strip.h>
 
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
+#include <memory>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "core/scene/mesh/label_map.h"
@@ -57,19 +60,39 @@ absl::StatusOr<std::string> ResolveFile(const std::string& file, const std::stri
       "or set ADHESIM_ASSETS to the folder that holds it"));
 }
 
-absl::StatusOr<TriangleMesh> ReadLabelSurface(const std::string& path, int particles) {
-  const absl::StatusOr<SolidMap> map = ReadLabelMap(path);
+absl::StatusOr<LabelledSurface> ReadLabelSurface(const std::string& path, int particles) {
+  absl::StatusOr<SolidMap> map = ReadLabelMap(path);
   if (!map.ok()) return map.status();
-  absl::StatusOr<TriangleMesh> mesh = SurfaceFromLabels(*map, particles);
-  if (mesh.ok()) return mesh;
-  return absl::Status(mesh.status().code(),
-                      absl::StrCat("'", path, "': ", mesh.status().message()));
+  PlaceInImage place;
+  absl::StatusOr<TriangleMesh> surface = SurfaceFromLabels(*map, particles, &place);
+  if (!surface.ok()) {
+    return absl::Status(surface.status().code(),
+                        absl::StrCat("'", path, "': ", surface.status().message()));
+  }
+  const bool too_many = map->too_many_labels;
+  auto image = std::make_shared<const SolidMap>(*std::move(map));
+  const auto label_at = [image, place](const Vec3& point) {
+    const Vec3 voxel =
+        (place.origin_m + point / place.scale).cwiseQuotient(image->spacing_m).array().floor();
+    std::size_t index = 0;
+    for (int axis = 2; axis >= 0; --axis) {
+      if (!(voxel[axis] >= 0 && voxel[axis] < image->size[axis])) return -1;
+      index = index * image->size[axis] + static_cast<std::size_t>(voxel[axis]);
+    }
+    const std::uint8_t number = image->solid[index];
+    if (number == 0 || number > image->labels.size()) return -1;
+    const std::uint32_t label = image->labels[number - 1];
+    return label <= INT32_MAX ? static_cast<std::int32_t>(label) : -1;
+  };
+  return LabelledSurface{*std::move(surface), label_at, too_many};
 }
 
 absl::StatusOr<TriangleMesh> ReadAnySurface(const std::string& path, int particles,
                                             const std::string& component) {
-  return IsLabelMapName(path) && component.empty() ? ReadLabelSurface(path, particles)
-                                                   : ReadMesh(path, component);
+  if (!IsLabelMapName(path) || !component.empty()) return ReadMesh(path, component);
+  absl::StatusOr<LabelledSurface> labelled = ReadLabelSurface(path, particles);
+  if (!labelled.ok()) return labelled.status();
+  return std::move(labelled->surface);
 }
 
 }  // namespace adhesim

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/model/geometry.h"
+#include "core/scene/mesh/fill_cells.h"
 
 namespace adhesim {
 
@@ -14,8 +15,14 @@ namespace adhesim {
 // in /usr/share/adhesim/assets.
 absl::StatusOr<std::string> ResolveFile(const std::string& file, const std::string& directory);
 
-// The surface around the labels of an image file, in metres.
-absl::StatusOr<TriangleMesh> ReadLabelSurface(const std::string& path, int particles);
+// The surface around the labels of an image file, in metres, and which label is where: at the voxel
+// that holds a point of the surface's coordinates; -1 outside of all.
+struct LabelledSurface {
+  TriangleMesh surface;
+  LabelAt label_at;
+  bool too_many_labels = false;  // see SolidMap
+};
+absl::StatusOr<LabelledSurface> ReadLabelSurface(const std::string& path, int particles);
 
 // Whatever surface a file holds: a mesh in its own unit (`component`: see ReadMesh), or a label map
 // with `particles` vertices in metres.

@@ -15,7 +15,7 @@ namespace adhesim {
 namespace {
 
 // Only the part of the image with labels: most of a CT is empty.
-SolidMap Cropped(const SolidMap& map) {
+SolidMap Cropped(const SolidMap& map, Vec3* corner_m) {
   std::array<int, 3> low = map.size, high = {-1, -1, -1};
   std::size_t i = 0;
   for (int z = 0; z < map.size[2]; ++z) {
@@ -23,7 +23,7 @@ SolidMap Cropped(const SolidMap& map) {
       const std::uint8_t* row = map.solid.data() + i;
       const std::uint8_t* end = row + map.size[0];
       i += static_cast<std::size_t>(map.size[0]);
-      const std::uint8_t* first = std::find(row, end, 1);
+      const std::uint8_t* first = std::find_if(row, end, [](std::uint8_t v) { return v != 0; });
       if (first == end) continue;
       const std::uint8_t* last = end - 1;
       while (*last == 0) --last;
@@ -31,8 +31,9 @@ SolidMap Cropped(const SolidMap& map) {
       high = {std::max(high[0], int(last - row)), std::max(high[1], y), std::max(high[2], z)};
     }
   }
-  SolidMap cropped{{}, map.spacing_m, {}};
+  SolidMap cropped{{}, map.spacing_m, {}, {}};
   if (high[2] < 0) return cropped;
+  *corner_m = Vec3(low[0], low[1], low[2]).cwiseProduct(map.spacing_m);
   for (int axis = 0; axis < 3; ++axis) cropped.size[axis] = high[axis] - low[axis] + 1;
   for (int z = low[2]; z <= high[2]; ++z) {
     for (int y = low[1]; y <= high[1]; ++y) {
@@ -79,8 +80,9 @@ double CubeRoot(double value) {
   return root;
 }
 
-// Moves the centre of volume to the origin and scales the enclosed volume to `volume_m3`.
-void CentreAndScale(double volume_m3, TriangleMesh* mesh) {
+// Moves the centre of volume to the origin and scales the enclosed volume to `volume_m3`. Returns
+// where the points were before.
+PlaceInImage CentreAndScale(double volume_m3, TriangleMesh* mesh) {
   const Vec3 origin = mesh->vertices[0];
   Vec3 moment = Vec3::Zero();
   double six_volumes = 0;
@@ -94,12 +96,15 @@ void CentreAndScale(double volume_m3, TriangleMesh* mesh) {
   const Vec3 centre = origin + moment / six_volumes;
   const double scale = CubeRoot(volume_m3 / (six_volumes / 6));
   for (Vec3& v : mesh->vertices) v = scale * (v - centre);
+  return {centre, scale};
 }
 
 }  // namespace
 
-absl::StatusOr<TriangleMesh> SurfaceFromLabels(const SolidMap& map, int particles) {
-  const SolidMap solid = Cropped(map);
+absl::StatusOr<TriangleMesh> SurfaceFromLabels(const SolidMap& map, int particles,
+                                               PlaceInImage* place) {
+  Vec3 corner_m = Vec3::Zero();
+  const SolidMap solid = Cropped(map, &corner_m);
   if (solid.solid.empty()) return absl::InvalidArgumentError("the image has no labels");
   // Several times the vertices wanted, so that collapsing has a choice, and enough of them to see
   // the shape at all. Marching tetrahedra make about 4.5 vertices per cell face: the mean of
@@ -124,7 +129,10 @@ absl::StatusOr<TriangleMesh> SurfaceFromLabels(const SolidMap& map, int particle
     if (left * 50 > particles * 51) continue;
     EvenTriangles(8, &mesh);
     if (!(EnclosedVolume(mesh) > 0)) continue;
-    CentreAndScale(SolidVolume(grid), &mesh);
+    PlaceInImage in_grid = CentreAndScale(SolidVolume(grid), &mesh);
+    // In the grid the middle of the first cell is the origin, and that cell is an empty border.
+    in_grid.origin_m += corner_m - Vec3::Constant(0.5 * cell_m);
+    if (place != nullptr) *place = in_grid;
     return mesh;
   }
   return absl::InvalidArgumentError(

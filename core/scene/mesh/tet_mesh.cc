@@ -6,6 +6,14 @@
 
 namespace adhesim {
 
+double FilledVolume(const TetMesh& mesh) {
+  double sum_m3 = 0;
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) {
+    sum_m3 += mesh.fill[t] * TetVolume(mesh.surface.vertices, mesh.tetrahedra[t]);
+  }
+  return sum_m3;
+}
+
 std::vector<TetFace> SortedFaces(std::span<const Tetrahedron> tetrahedra) {
   std::vector<TetFace> faces;
   faces.reserve(4 * tetrahedra.size());

@@ -43,6 +43,9 @@ inline double TetVolume(std::span<const Vec3> nodes, const Tetrahedron& t) {
   return TetVolume(nodes[t[0]], nodes[t[1]], nodes[t[2]], nodes[t[3]]);
 }
 
+// The volume inside the surface: of the tetrahedra as far as they are filled [m^3].
+double FilledVolume(const TetMesh& mesh);
+
 // Corners of the four faces of a positive tetrahedron, counter-clockwise from outside; face k lies
 // opposite corner k.
 inline constexpr int kTetFaces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};

@@ -66,6 +66,52 @@ std::vector<std::uint8_t> BoundaryVertices(std::span<const TriangleSide> sides, 
   return boundary;
 }
 
+Facing FindFacing(std::span<const TriangleSide> sides, int triangle_count) {
+  std::vector<std::vector<std::pair<std::int32_t, bool>>> across(
+      triangle_count);  // (triangle, same way along the edge)
+  ForEachEdge(sides, [&](std::span<const TriangleSide> edge) {
+    if (edge.size() != 2) return;
+    const bool clash = edge[0].ascending == edge[1].ascending;
+    across[edge[0].triangle].emplace_back(edge[1].triangle, clash);
+    across[edge[1].triangle].emplace_back(edge[0].triangle, clash);
+  });
+  Facing facing;
+  facing.piece.assign(triangle_count, -1);
+  facing.flipped.assign(triangle_count, 0);
+  std::vector<std::int32_t> members;
+  for (std::int32_t start = 0; start < triangle_count; ++start) {
+    if (facing.piece[start] >= 0) continue;
+    members = {start};
+    facing.piece[start] = facing.pieces;
+    std::size_t turned_count = 0;  // that face the other way than the first one
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      for (const auto& [other, clash] : across[members[i]]) {
+        const std::uint8_t turned = facing.flipped[members[i]] ^ (clash ? 1 : 0);
+        if (facing.piece[other] < 0) {
+          facing.piece[other] = facing.pieces;
+          facing.flipped[other] = turned;
+          turned_count += turned;
+          members.push_back(other);
+        } else if (facing.flipped[other] != turned) {
+          facing.one_sided = true;
+        }
+      }
+    }
+    if (2 * turned_count > members.size()) {
+      for (const std::int32_t t : members) facing.flipped[t] ^= 1;
+    }
+    ++facing.pieces;
+  }
+  return facing;
+}
+
+bool HasArea(const Vec3& a, const Vec3& b, const Vec3& c) {
+  constexpr double kNoArea = 1e-10;
+  const double longest_sq =
+      std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
+  return 2 * AreaVector(a, b, c).norm() > kNoArea * longest_sq;
+}
+
 double EnclosedVolume(const TriangleMesh& mesh) {
   if (mesh.vertices.empty()) return 0;
   // Tetrahedra from a vertex of the mesh itself: no cancellation when the mesh is far from the

@@ -48,10 +48,25 @@ IndexLists IncidentTriangles(std::span<const Triangle> triangles, int vertex_cou
 // 1 for each vertex of an edge that only one triangle has.
 std::vector<std::uint8_t> BoundaryVertices(std::span<const TriangleSide> sides, int vertex_count);
 
+// Which way the triangles of each piece face. Triangles belong to a piece when a chain of edges
+// with two triangles joins them.
+struct Facing {
+  std::vector<std::int32_t> piece;    // [#triangles] number of its piece
+  std::vector<std::uint8_t> flipped;  // [#triangles] 1: the other way than most of its piece
+  std::int32_t pieces = 0;
+  bool one_sided = false;  // some piece has no two sides (a Moebius strip)
+};
+Facing FindFacing(std::span<const TriangleSide> sides, int triangle_count);
+
 // Area vector: half the cross product of two sides; its direction is the normal [m^2].
 inline Vec3 AreaVector(const Vec3& a, const Vec3& b, const Vec3& c) {
   return 0.5 * (b - a).cross(c - a);
 }
+
+// False for a triangle without a usable normal: its height is below 1e-10 of its longest side, four
+// decades above the rounding of doubles and well below any sliver that a file in single precision
+// can mean. False for a NaN from an overflow, too.
+bool HasArea(const Vec3& a, const Vec3& b, const Vec3& c);
 
 // Volume enclosed by a closed surface; negative when its triangles are clockwise from outside
 // [m^3].
