@@ -124,11 +124,12 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
-    if (contacts->overlapping && candidate.gap_m < 0) continue;  // on its way out
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
     const double speed = candidate.normal.dot(state.velocity_m_s[candidate.particle] - surface);
+    const bool leaves = contacts->overlapping && speed >= -still;
+    if (candidate.gap_m < 0 && leaves) continue;  // on its way out
     // What may slide does no harm before it comes nearer.
     if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
     if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;

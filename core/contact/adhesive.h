@@ -44,6 +44,10 @@ class Adhesive {
   std::span<const NearPair> TellInside(std::span<const NearPair> near,
                                        std::span<const Vec3> position_m, Contacts* contacts);
 
+  // Removes bonds of what is inside a body, which is moved out of it: Capture() makes them anew
+  // where it goes deeper. Returns their number.
+  static int DropInside(Contacts* contacts);
+
   // Drops released pairs that have been further apart than d_off, then bonds the pairs that meet
   // the capture rule. Returns the number of changes. `dt_s` scales what counts as approaching.
   int Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,

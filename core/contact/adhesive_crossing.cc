@@ -37,8 +37,13 @@ std::span<const NearPair> Adhesive::TellInside(std::span<const NearPair> near,
   return told_;
 }
 
-// Along the line from one contact point to the other as it is now, whichever side of the surface
-// that is: a surface that has folded over shows its back, and is not to be passed either.
+int Adhesive::DropInside(Contacts* contacts) {
+  return static_cast<int>(std::erase_if(contacts->bonds, [](const Bond& bond) {
+    return bond.tool < 0 && !bond.sliding && bond.gap_sign < 0;
+  }));
+}
+
+// Along the line from one contact point to the other as it is now.
 bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const {
   const Triangle& tri = model_.triangles[bond.triangle];
   const auto offset = [&](std::span<const Vec3> x) {
@@ -49,10 +54,8 @@ bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec
     return sum;
   };
   const BondGeometry now = GeometryOf(bond, model_, state.position_m);
-  const Vec3 across = bond.gap_sign * now.normal;
-  const double distance = std::abs(now.gap_m);
-  const double then = across.dot(offset(moved_m));
-  return then < kKeep * capture_distance_m_ && then < distance - kApproach * capture_distance_m_;
+  const double then = now.normal.dot(offset(moved_m));
+  return then < kKeep * capture_distance_m_ && then < now.gap_m - kApproach * capture_distance_m_;
 }
 
 // All corners and ends that have any weight: what is left out could bring the surfaces nearer.
@@ -77,10 +80,12 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
                               StepReport* report) {
   int captured = 0;
   for (const NearPair& pair : near) {
+    if (pair.gap_m < 0) continue;  // inside a body: it may leave
     const Bond bond = BondOf(pair);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }
   for (const NearEdges& pair : near_edges) {
+    if (pair.gap_m < 0) continue;
     const Bond bond = BondOf(pair, state);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }

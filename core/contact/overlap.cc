@@ -10,8 +10,11 @@
 namespace adhesim {
 namespace {
 
-constexpr double kShare = 0.1;  // of the depth, in one step
-constexpr double kLeast = 0.1;  // of the limit: the last bit does not take for ever
+constexpr double kShare = 0.1;   // of the depth, in one step
+constexpr double kLeast = 0.1;   // of the limit: the last bit does not take for ever
+constexpr double kDeep = 4;      // limits: from here on bodies move as wholes
+constexpr double kOneWay = 0.2;  // of a sum of unit vectors: less has no direction of its own
+constexpr double kInner = 1e-6;  // of a body's size
 
 Aabb BoxOf(const Body& body, std::span<const Vec3> position_m) {
   Aabb box;
@@ -41,6 +44,7 @@ double Pierces(const Vec3& inside, const Vec3& outside, const Vec3& a, const Vec
 Overlap::Overlap(const Model& model) : model_(model) {
   const std::size_t n = model.rest_position_m.size();
   inside_.reserve(2 * n);
+  pair_.reserve(2 * n);
   layer_.reserve(2 * n);
   at_.assign(n, -1);
   box_.resize(model.bodies.size());
@@ -51,8 +55,8 @@ Overlap::Overlap(const Model& model) : model_(model) {
   for (std::size_t p = 0; p < n; ++p) {
     const int b = model.body_of[p];
     body_mass_kg_[b] += model.mass_kg[p];
-    // Where one particle of a rigid body may not move, none can be pushed along.
-    if (model.fixed[p] && model.bodies[b].rigid) held_[b] = 1;
+    // Where one particle may not move, the body cannot be pushed along as a whole.
+    if (model.fixed[p]) held_[b] = 1;
   }
 }
 
@@ -77,8 +81,10 @@ void Overlap::FindIn(int b, std::span<const Vec3> position_m) {
     if (!box_[b].Overlaps(box_[o])) continue;
     for (int p = other.first_particle; p < other.first_particle + other.particle_count; ++p) {
       if (inside_.size() == inside_.capacity()) break;  // the rest in a later step
-      if (!box_[b].Contains(position_m[p]) || !IsInside(model_, body, position_m, position_m[p]))
+      if (!box_[b].Contains(position_m[p]) || (model_.fixed[p] && body.all_fixed) ||
+          !IsInside(model_, body, position_m, InnerPoint(p, position_m))) {
         continue;
+      }
       at_[p] = static_cast<int>(inside_.size());
       inside_.push_back({p, b, 0, Vec3::Zero()});
     }
@@ -88,6 +94,21 @@ void Overlap::FindIn(int b, std::span<const Vec3> position_m) {
   SpreadInward(position_m);
   MeasureTheRest(position_m);
   for (std::size_t i = first_; i < inside_.size(); ++i) at_[inside_[i].particle] = -1;
+}
+
+// A little inside its own body: two bodies at the very same place have all particles on each
+// other's surface, two that only touch have as well.
+Vec3 Overlap::InnerPoint(int p, std::span<const Vec3> position_m) const {
+  const Body& body = model_.bodies[model_.body_of[p]];
+  if (!body.closed) return position_m[p];
+  Vec3 normal = Vec3::Zero();
+  for (int k = model_.incident_start[p]; k < model_.incident_start[p + 1]; ++k) {
+    const Triangle& tri = model_.triangles[model_.incident[k]];
+    normal +=
+        (position_m[tri[1]] - position_m[tri[0]]).cross(position_m[tri[2]] - position_m[tri[0]]);
+  }
+  const double length = normal.norm();
+  return length > 0 ? Vec3(position_m[p] - kInner * body.size_m / length * normal) : position_m[p];
 }
 
 // Particles with a neighbour outside, by where the edges to those pierce the surface.
@@ -197,7 +218,7 @@ Overlap::Exit Overlap::ExitOf(const Inside& at, std::span<const Vec3> position_m
 
 double Overlap::Mobility(int p) const {
   const int b = model_.body_of[p];
-  if (model_.fixed[p] || held_[b]) return 0;
+  if (model_.fixed[p] || (model_.bodies[b].rigid && held_[b])) return 0;
   if (model_.bodies[b].rigid) return 1 / body_mass_kg_[b];
   if (carried_.empty() || carried_[p] < 0) return 1 / model_.mass_kg[p];
   const CarriedParticle& c = model_.carried[carried_[p]];
@@ -207,10 +228,8 @@ double Overlap::Mobility(int p) const {
 }
 
 void Overlap::Move(int p, const Vec3& push, std::span<Vec3> position_m) const {
-  const Body& body = model_.bodies[model_.body_of[p]];
-  if (body.rigid) {
-    for (int q = body.first_particle; q < body.first_particle + body.particle_count; ++q)
-      position_m[q] += Mobility(p) * push;
+  if (model_.bodies[model_.body_of[p]].rigid) {
+    MoveBody(model_.body_of[p], Mobility(p) * push, position_m);
   } else if (carried_.empty() || carried_[p] < 0) {
     position_m[p] += Mobility(p) * push;
   } else {
@@ -220,12 +239,56 @@ void Overlap::Move(int p, const Vec3& push, std::span<Vec3> position_m) const {
   }
 }
 
+void Overlap::MoveBody(int b, const Vec3& by, std::span<Vec3> position_m) const {
+  const Body& body = model_.bodies[b];
+  for (int q = body.first_particle; q < body.first_particle + body.particle_count; ++q)
+    position_m[q] += by;
+}
+
+Overlap::Pair& Overlap::PairOf(const Inside& at) {
+  const auto [first, second] = std::minmax(model_.body_of[at.particle], at.body);
+  const Pair key{first, second, Vec3::Zero(), 0, false};
+  const auto place = std::lower_bound(pair_.begin(), pair_.end(), key, PairLess);
+  if (place != pair_.end() && !PairLess(key, *place)) return *place;
+  return *pair_.insert(place, key);
+}
+
+void Overlap::MoveWholes(double limit_m, std::span<Vec3> position_m) {
+  pair_.clear();
+  for (const Inside& at : inside_) {
+    Pair& pair = PairOf(at);
+    if (at.body == pair.second) {
+      pair.apart += at.direction;
+    } else {
+      pair.apart -= at.direction;
+    }
+    pair.depth_m = std::max(pair.depth_m, at.depth_m);
+  }
+  const auto mobility = [&](int b) { return held_[b] ? 0 : 1 / body_mass_kg_[b]; };
+  for (Pair& pair : pair_) {
+    const double both = mobility(pair.first) + mobility(pair.second);
+    pair.whole = pair.depth_m > kDeep * limit_m && both > 0;
+    if (!pair.whole) continue;
+    // All around, or at the very same place: as their middles lie, or anywhere.
+    if (!(pair.apart.norm() > kOneWay)) {
+      const Aabb &a = box_[pair.first], &b = box_[pair.second];
+      pair.apart = a.min + a.max - b.min - b.max;
+    }
+    if (!(pair.apart.norm() > kInner * limit_m)) pair.apart = Vec3::UnitZ();
+    const Vec3 push = std::min(kShare * pair.depth_m, limit_m) / both * pair.apart.normalized();
+    MoveBody(pair.first, mobility(pair.first) * push, position_m);
+    MoveBody(pair.second, -mobility(pair.second) * push, position_m);
+  }
+}
+
 void Overlap::Separate(double limit_m, std::span<Vec3> position_m) {
+  MoveWholes(limit_m, position_m);
   std::fill(involved_.begin(), involved_.end(), 0);
   for (const Inside& at : inside_) {
     for (int b : {model_.body_of[at.particle], at.body}) involved_[b] += model_.bodies[b].rigid;
   }
   for (const Inside& at : inside_) {
+    if (PairOf(at).whole) continue;
     const Exit exit = ExitOf(at, position_m);
     const Triangle& tri = model_.triangles[exit.triangle];
     double mobility = Mobility(at.particle);

@@ -74,6 +74,27 @@ void Pipeline::SetTargets(std::span<const ToolInput> tools) {
   }
 }
 
+// About the velocity that a tool's coupling leads to in this step, against the tissue's force of
+// the last one. What the distance from the target alone says is of no use in long steps: a tool
+// that presses lags behind its target without moving.
+Twist Pipeline::ComingTwist(int t) const {
+  const ToolState& tool = state_.tools[t];
+  const CouplingParameters& coupling = model_->tools[t].coupling;
+  const double dt_s = model_->dt_s, length_m = ToolLength(model_->tools[t]);
+  const auto coming = [dt_s](const Vec3& velocity, const Vec3& error, const Vec3& force,
+                             double stiffness, double inertia) -> Vec3 {
+    const double time_s = std::sqrt(inertia / stiffness);  // of the critically damped spring
+    return (time_s * time_s * velocity + dt_s * (error + force / stiffness)) /
+           ((time_s + dt_s) * (time_s + dt_s));
+  };
+  const Quat turn = tool.target.orientation * tool.pose.orientation.conjugate();
+  const Vec3 angle = (turn.w() < 0 ? -2.0 : 2.0) * turn.vec();
+  return {coming(tool.twist.linear_m_s, tool.target.position_m - tool.pose.position_m,
+                 tool.tissue.force_n, coupling.stiffness_n_m, coupling.mass_kg),
+          coming(tool.twist.angular_rad_s, angle, tool.tissue.torque_nm,
+                 coupling.angular_stiffness_nm_rad, coupling.mass_kg * length_m * length_m / 3)};
+}
+
 // At least what the elastic stability bound needs, and so many that nothing crosses half a capture
 // distance in one. Two things close in at most by the diagonal of the box around all velocities,
 // whatever they have in common.
@@ -85,8 +106,16 @@ int Pipeline::SubstepsNow() {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
     const double limit = model_->tools[t].coupling.max_speed_m_s;
-    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
     velocities.Add(tool.twist.linear_m_s);
+    if (implicit_) {
+      const Twist coming = ComingTwist(static_cast<int>(t));
+      velocities.Add(Vec3(coming.linear_m_s * std::min(1.0, limit / coming.linear_m_s.norm())));
+      const double turn = std::max(tool.twist.angular_rad_s.norm(), coming.angular_rad_s.norm());
+      turning_m_s = std::max(turning_m_s,
+                             std::min(limit / kSpeedRadius, turn) * ToolLength(model_->tools[t]));
+      continue;
+    }
+    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
     if (away.squaredNorm() > 0) {
       velocities.Add(
           Vec3(away.normalized() * std::min(limit, tool.twist.linear_m_s.norm() + away.norm())));
@@ -149,7 +178,8 @@ void Pipeline::DetectAndCapture(double dt_s) {
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
   near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
-  int changes = adhesive_->FollowSliding(near_, &state_.contacts);
+  int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
+  changes += adhesive_->FollowSliding(near_, &state_.contacts);
   changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {

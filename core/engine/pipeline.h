@@ -56,6 +56,7 @@ class Pipeline : public Engine {
   void MakeStartState();
 
   int SubstepsNow();
+  Twist ComingTwist(int tool) const;
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
   void Separate();

@@ -13,6 +13,7 @@
 #include "core/scene/mesh/lattice.h"
 #include "core/scene/mesh/read_mesh.h"
 #include "core/scene/mesh/read_surface.h"
+#include "core/scene/mesh/read_tet_mesh.h"
 #include "core/scene/mesh/simplify.h"
 
 namespace adhesim {
@@ -64,6 +65,15 @@ absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string
   return absl::InvalidArgumentError("the body has no shape");
 }
 
+absl::StatusOr<TetMesh> ReadBodyTetMesh(const v1::Body& body, const std::string& directory) {
+  const absl::StatusOr<std::string> file = ResolveFile(body.tet_mesh().file(), directory);
+  if (!file.ok()) return file.status();
+  absl::StatusOr<TetMesh> mesh = ReadTetMesh(*file);
+  if (!mesh.ok()) return mesh;
+  for (Vec3& v : mesh->surface.vertices) v *= NumberOf(body.tet_mesh(), "scale_m");
+  return mesh;
+}
+
 // A body that is its surface only: the surface must be fit for that.
 std::optional<TetMesh> SurfaceOnly(const v1::Body& body, const std::string& path,
                                    TriangleMesh surface, Problems* problems) {
@@ -108,6 +118,7 @@ std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& pat
   if (body.has_block() && body.has_tetrahedra()) {
     return take(MakeTetBlock(Vec3Of(body.block(), "size_m"), cells), tetrahedra_path);
   }
+  if (body.has_tet_mesh()) return take(ReadBodyTetMesh(body, directory), ShapePath(body, path));
   LabelAt label_at;
   absl::StatusOr<TriangleMesh> surface = MakeSurface(body, directory, &label_at);
   if (!surface.ok()) return take(surface.status(), ShapePath(body, path));

@@ -188,6 +188,21 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
       going += row.gradient[0][i].dot(state.velocity_m_s[row.particle[i]]);
   }
   row.least_speed_m_s = std::min(0.0, going - (then.gap_m - std::min(rest_m, now.gap_m)) / dt_s);
+  // Turned round: see above.
+  row.least_speed_m_s = std::min(row.least_speed_m_s, -going);
+  row.most_speed_m_s = std::max(0.0, -going);
+  Eigen::Vector2d rubbed, rubbing;
+  for (int k = 0; k < 2; ++k) {
+    rubbed(k) = 0;
+    for (int i = 0; i < kNodes; ++i) {
+      if (!model_.fixed[row.particle[i]])
+        rubbed(k) += row.gradient[k + 1][i].dot(state.velocity_m_s[row.particle[i]]);
+    }
+    rubbing(k) = Speed(row, k + 1, state, motion);
+  }
+  row.rub_speed_m_s.setZero();
+  if (rubbed.dot(rubbing) < 0)
+    row.rub_speed_m_s = -std::min(1.0, rubbing.norm() / rubbed.norm()) * rubbed;
   return row;
 }
 
@@ -254,7 +269,7 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
     if (row.mobility[0] > 0) {
       const double speed = Speed(row, 0, state, motion);
       const double push = row.impulse(0) + (row.least_speed_m_s - speed) / row.mobility[0];
-      const double pull = row.impulse(0) - speed / row.mobility[0];
+      const double pull = row.impulse(0) + (row.most_speed_m_s - speed) / row.mobility[0];
       const double tension = row.touches ? row.tension_ns : 0;
       const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -tension);
       Apply(row, 0, impulse - row.impulse(0), state, motion);
@@ -264,8 +279,11 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
     // The adhesive acts across what is near enough to be captured.
     const double limit =
         row.touches || row.impulse(0) > 0 ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
-    Eigen::Vector2d rubbing{row.impulse(1) - Speed(row, 1, state, motion) / row.mobility[1],
-                            row.impulse(2) - Speed(row, 2, state, motion) / row.mobility[1]};
+    Eigen::Vector2d rubbing;
+    for (int k = 0; k < 2; ++k) {
+      const double missing = row.rub_speed_m_s(k) - Speed(row, k + 1, state, motion);
+      rubbing(k) = row.impulse(k + 1) + missing / row.mobility[k + 1];
+    }
     const double size = rubbing.norm();
     if (size > limit) rubbing *= limit / size;
     for (int k = 0; k < 2; ++k) {

@@ -17,8 +17,11 @@ namespace adhesim {
 // projected Gauss-Seidel in the order of the bonds (physics notes 3.6).
 //
 // An impulse acts on the particles of both sides so that its sum and its moment vanish. Every row
-// ends at, or moves towards, no sliding and no approach: together they take energy, but for what
-// sweeps that have not converged leave.
+// ends at, or moves towards, no sliding and no approach. An impulse J on speeds that go from v to
+// v' does the work J (v + v') / 2, which is positive where forces have turned v round within the
+// sub-step and the row would stop it at zero; there it is let go back as fast as it came, -v, for
+// no work (the surfaces come as near as they were a sub-step ago and no nearer). So rows take
+// energy, but for what sweeps that have not converged leave.
 class ContactRows {
  public:
   // Velocities that impulses change: of free particles [#particles], and of zones [#zones].
@@ -59,9 +62,11 @@ class ContactRows {
     std::array<std::array<Vec3, kNodes>, 3> gradient;  // along the normal and two tangents
     std::array<double, 3> mobility;                    // 1/kg; normal, and the larger tangential
     Vec3 impulse = Vec3::Zero();                       // N s along the three
-    double least_speed_m_s;                            // along the normal
-    bool touches;                                      // near enough for the adhesive
-    double tension_ns, shear_ns;                       // what the adhesive carries
+    // Where impulses drive to: apart no slower, together no slower (under tension), and along.
+    double least_speed_m_s, most_speed_m_s;
+    Eigen::Vector2d rub_speed_m_s;
+    bool touches;                 // near enough for the adhesive
+    double tension_ns, shear_ns;  // what the adhesive carries
   };
   Row MakeRow(int bond, const State& state, const Motion& motion, double dt_s) const;
   // Rows between two bodies, and what the adhesive carries on the particles of either side.

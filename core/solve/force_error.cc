@@ -130,8 +130,9 @@ void ForceError::Renew(const State& state, std::span<const RigidGroup> groups, i
   if (k >= 3) return;
   set_motion();
   column.force_ns.setZero();
-  for_each_member(
-      [&](const RigidGroup&, int p) { column.force_ns += system->MultiplyRow(p, motion_); });
+  for_each_member([&](const RigidGroup&, int p) {
+    column.force_ns += system->MultiplyRow(p, motion_) - model_.mass_kg[p] * motion_[p].vec();
+  });
 }
 
 }  // namespace adhesim

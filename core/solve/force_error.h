@@ -45,7 +45,7 @@ class ForceError {
   struct Column {
     std::vector<Padded> w;         // [#particles], in the subspace
     double lacking_sq = 0;         // s.P^-1 s
-    Vec3 force_ns = Vec3::Zero();  // J^T (A_cc J - A_cf w) e_k, its force
+    Vec3 force_ns = Vec3::Zero();  // J^T (A_cc J - A_cf w) e_k, its force less that of inertia
   };
   static constexpr int kColumns = 6;
   Column& ColumnOf(int tool, int k) { return columns_[kColumns * tool + k]; }

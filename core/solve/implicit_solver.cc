@@ -160,12 +160,14 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
   }
   const double start_sq = system_.Precondition(residual_ns_, direction_, parallel);
   const double scale = std::max(scale_, std::sqrt(start_sq));
+  system_.Balance(change_m_s_, residual_ns_);
   StartFromLastChange(groups, state, parallel);
   const SubspaceSystem::Result result =
       system_.Solve(std::max(model_.tolerance * scale, round_off_), model_.max_iterations,
                     change_m_s_, residual_ns_, parallel);
   iterations_ = result.iterations;
-  residual_sq_ = result.residual_sq;
+  system_.Balance(change_m_s_, residual_ns_);
+  residual_sq_ = system_.Precondition(residual_ns_, direction_, parallel);
   if (!result.converged) report->bits |= kStepNotConverged;
   // What is not a number must not look like rest.
   if (!std::isfinite(residual_sq_)) {
@@ -190,7 +192,7 @@ void ImplicitSolver::StartFromLastChange(std::span<const RigidGroup> groups, con
   if (!(curvature > 0) || !std::isfinite(factor)) return;
   for (std::size_t p = 0; p < direction_.size(); ++p) {
     for (int k = 0; k < 3; ++k) {
-      change_m_s_[p].v[k] = factor * direction_[p].v[k];
+      change_m_s_[p].v[k] += factor * direction_[p].v[k];
       residual_ns_[p].v[k] -= factor * product_[p].v[k];
     }
   }

@@ -10,6 +10,8 @@ namespace adhesim {
 namespace {
 
 constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
+constexpr double kNearlyMet = 1e-10;            // relative volume; above it the step says so
+constexpr double kDiverged = 1e3;               // relative volume
 constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
 constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
@@ -56,7 +58,7 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   if (rows_ == 0) return;
   on_zone_.reserve(n);
   for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_,
-                      &change_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
+                      &change_, &best_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
     array->assign(rows_, 0);
   }
 }
@@ -355,30 +357,46 @@ void SubspaceSolver::Extrapolate(int iteration) {
   }
 }
 
+// Largest error of a row at moved_m_, relative; residual_ becomes the speeds that would end them.
+double SubspaceSolver::MeasureRows(double dt_s) {
+  int first = 0;
+  for (const Effect* effect : constraints_) {
+    const std::size_t count = effect->constraints().size();
+    effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
+    first += static_cast<int>(count);
+  }
+  double worst = 0;
+  for (int r = 0; r < rows_; ++r) {
+    const double error = std::abs(residual_[r]) / row_[r].scale;
+    if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
+    residual_[r] /= -dt_s;
+  }
+  return worst;
+}
+
+// What turns far in a sub-step, or is nearly flat, may lead the iteration away: then the step takes
+// the best it has seen, at worst the one without a correction.
 void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
                                      StepReport* report) {
-  double before = std::numeric_limits<double>::infinity();
+  double least = std::numeric_limits<double>::infinity();
   for (int iteration = 0;; ++iteration) {
     MoveAll(state, dt_s, parallel);
-    int first = 0;
-    for (const Effect* effect : constraints_) {
-      const std::size_t count = effect->constraints().size();
-      effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
-      first += static_cast<int>(count);
-    }
-    double worst = 0;
-    for (int r = 0; r < rows_; ++r) {
-      if (preconditioner_[r] > 0) worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
-      residual_[r] /= -dt_s;
+    const double worst = MeasureRows(dt_s);
+    if (worst < least) {
+      least = worst;
+      best_ = multiplier_;
     }
     if (worst <= kConstraintTolerance) return;
-    Extrapolate(iteration);
     // At the floor of round-off the error stops shrinking.
-    if (iteration == kConstraintIterations || !(worst < 1e3)) {
-      if (!(before < 1e-10)) report->bits |= kStepVolumeNotMet;
+    if (iteration == kConstraintIterations || !(worst < kDiverged)) {
+      if (!(least < kNearlyMet)) report->bits |= kStepVolumeNotMet;
+      if (worst == least) return;
+      for (int r = 0; r < rows_; ++r) change_[r] = best_[r] - multiplier_[r];
+      AddMultipliers(change_);
+      MoveAll(state, dt_s, parallel);
       return;
     }
-    before = worst;
+    Extrapolate(iteration);
     SolveRows(residual_, change_);
     AddMultipliers(change_);
   }

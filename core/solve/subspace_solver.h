@@ -82,6 +82,7 @@ class SubspaceSolver {
   void StopConstraints();
   void MeetSlides(const State& state);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
+  double MeasureRows(double dt_s);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
   void FinishMove(const State& state);
   void ShareLoads(const Contacts& contacts);
@@ -114,6 +115,7 @@ class SubspaceSolver {
   std::vector<Vec3> gradient_;          // [#particles]
   std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient
+  std::vector<double> best_;            // [#rows] of the iteration that left the least error
   std::vector<double> diagonal_;        // [#rows] of free particles; 0: nothing can move
   std::vector<double> movable_;         // [#rows] the same with those in zones as if they were free
   std::vector<double> preconditioner_;  // [#rows]

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 namespace adhesim {
 namespace {
@@ -63,6 +64,10 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
   inverse_diagonal_.assign(n + 1, Mat3::Zero());
   active_.assign(n, 0);
   free_.assign(n, 0);
+  loose_.assign(n, 0);
+  component_.assign(model.bodies.size(), 0);
+  stiffness_sum_.assign(model.bodies.size(), Mat3::Zero());
+  balance_.assign(model.bodies.size(), Vec3::Zero());
   zones_.reserve(n);
   chunk_sum_.assign((n + kChunk - 1) / kChunk, 0);
   for (auto* array : {&p_, &ap_, &z_}) array->assign(n, Padded{});
@@ -139,6 +144,68 @@ void SubspaceSystem::SetZones(const State& state, std::span<const RigidGroup> gr
       continue;
     }
     zones_.push_back({z, group.pivot_m, InverseOf(group, state, z)});
+  }
+  FindLoose(state, groups);
+}
+
+void SubspaceSystem::FindLoose(const State& state, std::span<const RigidGroup> groups) {
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    const int zone = state.contacts.zone_of[p];
+    loose_[p] = active_[p] && (zone < 0 || groups[zone].freedom == RigidGroup::Freedom::kFree);
+  }
+  std::iota(component_.begin(), component_.end(), 0);
+  const auto root = [&](int body) {
+    while (component_[body] != body) body = component_[body];
+    return body;
+  };
+  for (const Zone& zone : contacts_zones_) {
+    const auto members = members_.subspan(zone.first, zone.count);
+    if (members.empty() || !loose_[members[0]]) continue;
+    for (int p : members) {
+      const int a = root(model_.body_of[members[0]]), b = root(model_.body_of[p]);
+      component_[std::max(a, b)] = std::min(a, b);
+    }
+  }
+  for (int& body : component_) body = root(body);
+  // Rows of stiffness sum to zero: a row of A Z is the mass, less what is not loose.
+  std::fill(stiffness_sum_.begin(), stiffness_sum_.end(), Mat3::Zero());
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (loose_[p]) {
+      stiffness_sum_[component_[model_.body_of[p]]] += model_.mass_kg[p] * Mat3::Identity();
+      continue;
+    }
+    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
+      const int q = matrix_.column()[k];
+      if (loose_[q]) stiffness_sum_[component_[model_.body_of[q]]] -= matrix_.At(k);
+    }
+  }
+}
+
+void SubspaceSystem::Balance(std::span<Padded> x, std::span<Padded> r) const {
+  std::fill(balance_.begin(), balance_.end(), Vec3::Zero());
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (loose_[p]) balance_[component_[model_.body_of[p]]] += r[p].vec();
+  }
+  for (std::size_t body = 0; body < balance_.size(); ++body) {
+    if (component_[body] != static_cast<int>(body)) continue;
+    const Mat3& sum = stiffness_sum_[body];
+    balance_[body] = sum.trace() > 0
+                         ? Vec3((0.5 * (sum + sum.transpose())).inverse() * balance_[body])
+                         : Vec3::Zero();
+  }
+  const auto of = [&](int p) -> const Vec3& { return balance_[component_[model_.body_of[p]]]; };
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (loose_[p]) {
+      x[p].Set(x[p].vec() + of(p));
+      r[p].Set(r[p].vec() - model_.mass_kg[p] * of(p));
+      continue;
+    }
+    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
+      const int q = matrix_.column()[k];
+      if (!loose_[q]) continue;
+      r[q].Set(r[q].vec() + matrix_.At(k).transpose() * of(q));
+      if (active_[p]) r[p].Set(r[p].vec() - matrix_.At(k) * of(q));
+    }
   }
 }
 

@@ -57,6 +57,10 @@ class SubspaceSystem {
   // The projection of any velocities onto the subspace, in the metric of the masses.
   void Project(const State& state, std::span<const RigidGroup> groups,
                std::span<Padded> velocity) const;
+  // Moves what is loose as a whole, each group of bodies that zones join by itself, so that r sums
+  // to zero there: x += Z (Z^T A Z)^-1 Z^T r, Z its translations. Whatever tolerance the solve had,
+  // momentum is then balanced to round-off; and in free fall this is the solution.
+  void Balance(std::span<Padded> x, std::span<Padded> r) const;
   // The sum of f.A_ii^-1 f over all particles, whether they can move or not.
   double DiagonalNormSq(std::span<const Vec3> f) const;
   const Mat3& inverse_diagonal(int p) const { return inverse_diagonal_[p]; }
@@ -79,6 +83,7 @@ class SubspaceSystem {
   Mat6 InverseOf(const RigidGroup& group, const State& state, int zone) const;
   void PreconditionZones(std::span<const Padded> r, std::span<Padded> z, double* chunk_sums) const;
   double SumChunks() const;
+  void FindLoose(const State& state, std::span<const RigidGroup> groups);
   // x += alpha p, r -= alpha ap, z = P^-1 r of free particles; returns r.z with the zones'.
   double Advance(double alpha, std::span<Padded> x, std::span<Padded> r, Parallel* parallel);
 
@@ -86,6 +91,11 @@ class SubspaceSystem {
   const BlockMatrix& matrix_;
   std::vector<Mat3> inverse_diagonal_;       // [#particles], and room to read one more
   std::vector<std::uint8_t> active_, free_;  // [#particles]; free: active and in no zone
+  // [#particles] a free particle, or a member of a zone without pins.
+  std::vector<std::uint8_t> loose_;
+  std::vector<std::int32_t> component_;  // [#bodies] the lowest of the bodies joined with it
+  std::vector<Mat3> stiffness_sum_;      // [#bodies] Z^T A Z of a component
+  mutable std::vector<Vec3> balance_;    // [#bodies]
   std::vector<ZoneInverse> zones_;
   std::span<const std::int32_t> members_;  // Contacts::zone_members and zones of the state given
   std::span<const Zone> contacts_zones_;

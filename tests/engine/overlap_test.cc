@@ -121,5 +121,51 @@ TEST(Overlap, LeavesAHeldRigidBodyWhereItIs) {
     EXPECT_EQ(engine->state().position_m[p], engine->model().rest_position_m[p]);
 }
 
+// All particles of each on the other's surface: neither inside nor outside.
+TEST(Overlap, TwoBodiesAtTheSamePlaceComeApart) {
+  for (const char* kind : {"deformable", "rigid"}) {
+    const std::string ball = std::string("icosphere: {radius_m: 0.6}, mass_kg: 1, kind: ") + kind;
+    auto engine = EngineOf(Pair(ball, ball));
+    EXPECT_TRUE(engine->Step({}).bits & kStepOverlap);
+    EXPECT_LT(StepsUntilApart(engine.get(), 1000), 1000);
+    const std::vector<Vec3>& x = engine->state().position_m;
+    EXPECT_EQ(MeasurePenetration(engine->model(), x).vertices_inside, 0);
+    EXPECT_EQ(CountEdgesThrough(engine->model(), x), 0);
+  }
+}
+
+// A soft ball so deep in a held one that its middle is inside: pushed particle by particle, it
+// would wrap itself around. As a whole it comes out unstrained, and nothing is added but what is
+// booked.
+TEST(Overlap, DeepInAHeldBodyEndsNearlyWithoutStrain) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: held, icosphere: {radius_m: 0.03}, mass_kg: 1, kind: rigid, fixed: [half_space: {point_m: [0, 0, -0.025], normal: [0, 0, 1]}]}
+  - {name: soft, icosphere: {radius_m: 0.03}, mass_kg: 1, position_m: [0.01, 0, 0.02]}
+effects:
+  - shape_memory: {stiffness_n_m: 50}
+  - volume_preservation: {}
+  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 1, friction_coefficient: 0.3}
+)");
+  EXPECT_LT(StepsUntilApart(engine.get(), 500), 500);
+  StepMany(engine.get(), 500);
+  const Ledger& ledger = engine->state().ledger;
+  EXPECT_EQ(MeasurePenetration(engine->model(), engine->state().position_m).vertices_inside, 0);
+  EXPECT_LE(engine->MechanicalEnergy(),
+            ledger.initial_j + ledger.correction_j + 0.01 * EnergyReference(ledger));
+  // Less than all of its particles would have a millimetre from where they belong: only the last
+  // bit is pushed particle by particle.
+  EXPECT_LE(ledger.correction_j, 42 * 0.5 * 50 * 1e-3 * 1e-3);
+}
+
+// What no motion can mend is no overlap to work on: it shows in the depth that a run measures.
+TEST(Overlap, FixedInFixedIsLeftAlone) {
+  auto engine = EngineOf(Pair("icosphere: {radius_m: 0.6}, mass_kg: 1, fixed: [all: true]",
+                              "icosphere: {radius_m: 0.6}, mass_kg: 1, position_m: [0.2, 0, 1.05], "
+                              "fixed: [half_space: {point_m: [0, 0, 0.9], normal: [0, 0, -1]}]"));
+  ASSERT_GT(MeasurePenetration(engine->model(), engine->state().position_m).vertices_inside, 0);
+  EXPECT_LT(StepsUntilApart(engine.get(), 1000), 1000);
+}
+
 }  // namespace
 }  // namespace adhesim::test

@@ -8,12 +8,15 @@
 #include <random>
 
 #include "core/scene/mesh/check_mesh.h"
+#include "core/scene/mesh/embed.h"
 #include "core/scene/mesh/generate.h"
 #include "core/scene/mesh/mesh_formats.h"
 #include "core/scene/mesh/pml_surface.h"
 #include "core/scene/mesh/read_pml.h"
+#include "core/scene/mesh/read_tet_mesh.h"
 #include "core/scene/mesh/write_pml.h"
 #include "tests/scene_mesh/files.h"
+#include "tests/scene_mesh/tet_files.h"
 
 namespace adhesim {
 namespace {
@@ -88,6 +91,43 @@ TEST(MutatedFiles, OfPmlGiveAModelThatCanBeWrittenOrAnError) {
   }
   EXPECT_GT(accepted, 100);
   EXPECT_GT(refused, 100);
+}
+
+TEST(MutatedFiles, OfTetrahedraGiveASoundMeshOrAnError) {
+  std::mt19937 random(1);
+  int accepted = 0, refused = 0;
+  for (const auto& [name, bytes] : InEveryTetFormat()) {
+    const auto parse = name.ends_with(".msh") ? &ParseGmsh : &ParseVtk;
+    for (int i = 0; i < 700; ++i) {
+      const absl::StatusOr<TetMesh> mesh = parse(Mutated(bytes, &random));
+      (mesh.ok() ? accepted : refused) += 1;
+      if (!mesh.ok()) continue;
+      for (const Tetrahedron& t : mesh->tetrahedra) {
+        ASSERT_GT(TetVolume(mesh->surface.vertices, t), 0);
+      }
+      ASSERT_EQ(mesh->label.size(), mesh->tetrahedra.size());
+      ASSERT_EQ(mesh->group.size(), mesh->tetrahedra.size());
+    }
+  }
+  EXPECT_GT(accepted, 100);
+  EXPECT_GT(refused, 100);
+}
+
+// Whatever comes out of a damaged surface can be embedded or is refused.
+TEST(MutatedFiles, OfSurfacesAreEmbeddedOrRefused) {
+  std::mt19937 random(2);
+  const std::string bytes = InEveryFormat(MakeIcosphere(1, 1)).at("text.off");
+  int embedded = 0;
+  for (int i = 0; i < 300; ++i) {
+    const absl::StatusOr<TriangleMesh> surface = ParseOff(Mutated(bytes, &random));
+    if (!surface.ok()) continue;
+    const absl::StatusOr<TetMesh> mesh = EmbedInLattice(*surface, 3);
+    if (!mesh.ok()) continue;
+    ++embedded;
+    EXPECT_GT(FilledVolume(*mesh), 0);
+    EXPECT_EQ(mesh->fill.size(), mesh->tetrahedra.size());
+  }
+  EXPECT_GT(embedded, 20);
 }
 
 }  // namespace
