@@ -109,13 +109,15 @@ struct NeoHookean : TetKernel<kWidth> {
     V33 a;     // A
     V p[3], q[3];
   };
-  // mu |Z|^2 + g'' (cof F : dF)^2 + 2 g' sum s_m (Z_kk Z_ll - Z_kl Z_lk) with negative eigenvalues
-  // made zero. Those of the pairs are mu - g' s_m (symmetric) and mu + g' s_m (antisymmetric).
+  // mu |Z|^2 + g'' (cof F : dF)^2 + 2 g' sum s_m (Z_kk Z_ll - Z_kl Z_lk) with the magnitudes of its
+  // eigenvalues. (Made zero, the negative ones would leave the force along them to inertia alone:
+  // a block squashed flat was thrown apart in its first step.) Those of the pairs are mu - g' s_m
+  // (symmetric) and mu + g' s_m (antisymmetric).
   ADHESIM_INLINE void Project(const V s[3], const V& shear, const V& first, const V& second,
                               Frames* h) {
     for (int m = 0; m < 3; ++m) {
-      const V symmetric = NotNegative(shear - first * s[m]);
-      const V antisymmetric = NotNegative(shear + first * s[m]);
+      const V symmetric = Math::Abs(shear - first * s[m]);
+      const V antisymmetric = Math::Abs(shear + first * s[m]);
       h->p[m] = 0.5 * (symmetric + antisymmetric);
       h->q[m] = 0.5 * (symmetric - antisymmetric);
     }
@@ -136,7 +138,7 @@ struct NeoHookean : TetKernel<kWidth> {
       for (int l = 0; l < 3; ++l) {
         h->a.m[k][l] = V{};
         for (int e = 0; e < 3; ++e) {
-          h->a.m[k][l] += NotNegative(eigenvalue[e]) * axes.m[k][e] * axes.m[l][e];
+          h->a.m[k][l] += Math::Abs(eigenvalue[e]) * axes.m[k][e] * axes.m[l][e];
         }
       }
     }
