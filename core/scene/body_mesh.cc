@@ -6,6 +6,7 @@
 
 #include <utility>
 
+#include "core/scene/body_file.h"
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/embed.h"
@@ -90,15 +91,6 @@ std::optional<TetMesh> SurfaceOnly(const v1::Body& body, const std::string& path
 }
 
 }  // namespace
-
-std::string ShapePath(const v1::Body& body, const std::string& path) {
-  const auto* shape = body.GetDescriptor()->FindOneofByName("shape");
-  const auto* field = body.GetReflection()->GetOneofFieldDescriptor(body, shape);
-  if (field == nullptr) return path;
-  return absl::StrCat(
-      path, ".", field->name(),
-      body.has_mesh() || body.has_label_map() || body.has_tet_mesh() ? ".file" : "");
-}
 
 std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& path,
                                     const std::string& directory, Problems* problems) {

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "core/scene/body_file.h"
 #include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
 #include "core/scene/field_value.h"
