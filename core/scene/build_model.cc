@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/model/tissue.h"
+#include "core/scene/body_file.h"
 #include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
 #include "core/scene/elastic_regions.h"
