@@ -121,6 +121,7 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
                       const State& state, double dt_s, Contacts* contacts, StepReport* report) {
   DropReleased(near, near_edges, contacts);
   const double still = kApproach * capture_distance_m_ / dt_s;
+  const int apart = DropApart(state.position_m, contacts);
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
@@ -147,9 +148,9 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   }
   captured += CaptureEdges(near_edges, state, still, contacts, report);
   report->captures += captured;
-  if (!slides()) return captured;
+  if (!slides()) return captured + apart;
   const auto passed = [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); };
-  return captured + static_cast<int>(std::erase_if(contacts->bonds, passed));
+  return captured + apart + static_cast<int>(std::erase_if(contacts->bonds, passed));
 }
 
 Bond Adhesive::BondOf(const NearPair& near) const {

@@ -28,6 +28,8 @@ namespace adhesim {
 // is pressed closer than it was when it let go.
 // Zones that are cut into patches (patch_size_m) let go as a whole instead: the resultant of what a
 // patch carries on one body's particles against the sum of their strengths (notes 3.3, item 9).
+// A bond of which only a part still holds ends where its contact points are further apart than
+// d_off: a far corner says nothing about a contact that is gone.
 // With a Bell rate, one in tension also lets go by chance.
 // With friction, a new contact slides (ContactRows) until friction has stopped it, and in
 // compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
@@ -120,6 +122,7 @@ class Adhesive {
                      const Contacts& contacts);
   void DropReleased(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
                     Contacts* contacts);
+  int DropApart(std::span<const Vec3> position_m, Contacts* contacts) const;
   void ListEdgeEnds(std::span<const NearEdges> near);
   int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
                    Contacts* contacts, StepReport* report);
@@ -141,7 +144,7 @@ class Adhesive {
   static bool InOneZone(const Bond& bond, const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
   void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                 Limit* limit) const;
+                 double most_pa, Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
                        Zone* zone);

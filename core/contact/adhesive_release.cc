@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/contact/adhesive.h"
 #include "core/model/bond_geometry.h"
@@ -16,11 +17,12 @@ Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
 }
 
 void Adhesive::Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                         Limit* limit) const {
-  BondLimit one = LimitOf(*model_.adhesive, area_m2, mass_kg);
+                         double most_pa, Limit* limit) const {
+  BondLimit one = LimitOf(*model_.adhesive, area_m2, mass_kg, most_pa);
   if (tool >= 0) {
     const Strength strength = sticky ? model_.tools[tool].strength : Strength{0, 0};
-    one = {scale * strength.normal_pa * area_m2, scale * strength.shear_pa * area_m2};
+    one = {scale * std::min(strength.normal_pa, most_pa) * area_m2,
+           scale * std::min(strength.shear_pa, most_pa) * area_m2};
   }
   limit->may_slide = limit->may_slide && tool < 0 && model_.adhesive->friction_coefficient;
   // What has several bonds is held by its strongest.
@@ -33,7 +35,7 @@ void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double
   if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, true, false, false};
   limit.normal_sum += normal;
   Strengths(bond.tool, bond.sticky, model_.area_m2[particle], model_.mass_kg[particle], scale,
-            &limit);
+            CrackTraction(bond, particle, model_), &limit);
 }
 
 void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
@@ -154,7 +156,8 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       [&](const RigidInterfaces::Cut& cut) {
         Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
         Strengths(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg,
-                  cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
+                  cut.tool >= 0 ? strength_scale[cut.tool] : 1,
+                  std::numeric_limits<double>::infinity(), &limit);
         const Demand demand = DemandOn(limit, cut.load_n);
         contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
         const int first = contacts->zone_members[contacts->zones[cut.zone].first];
@@ -200,6 +203,19 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
     }
   }
   std::erase_if(contacts->bonds, [&](const Bond& bond) { return !bond.Holds(); });
+}
+
+int Adhesive::DropApart(std::span<const Vec3> position_m, Contacts* contacts) const {
+  const bool patches = model_.adhesive->patch_size_m.has_value();
+  return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) {
+    if (bond.tool >= 0 || bond.sliding) return false;
+    // Where all that matters moves as one, so does the gap.
+    bool whole = !patches && (bond.holds_particle || 1 - bond.partner_weight <= kMinWeight) &&
+                 (bond.partner < 0 || bond.holds_partner || bond.partner_weight <= kMinWeight);
+    for (int k = 0; k < 3; ++k)
+      whole = whole && (bond.vertices[k] >= 0 || bond.weights[k] <= kMinWeight);
+    return !whole && std::abs(GeometryOf(bond, model_, position_m).gap_m) > release_distance_m_;
+  }));
 }
 
 int Adhesive::ReleaseTool(int tool, Contacts* contacts) {

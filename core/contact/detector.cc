@@ -8,7 +8,8 @@ namespace adhesim {
 namespace {
 
 constexpr int kGrain = 256;  // groups: about 50 us of work
-constexpr double kSkin = 2;  // of the reach
+constexpr double kSkin =
+    1.5;  // of the reach: a larger one is renewed less often and holds more to look at
 constexpr int kCandidatesPerParticle = 64;
 constexpr int kGroupsPerParticle = 8;
 
@@ -67,7 +68,7 @@ Detector::Detector(const Model& model, double reach_m, const Options& options)
 
 void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report) {
   bodies_.Update(position_m, parallel, report);
-  if (bodies_.any_stale()) Renew(report);
+  if (bodies_.any_stale()) Renew(position_m, report);
 }
 
 double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
@@ -109,15 +110,15 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
   return std::sqrt(fastest_sq);
 }
 
-void Detector::Renew(StepReport* report) {
+void Detector::Renew(std::span<const Vec3> position_m, StepReport* report) {
   if (groups_.crowded() || candidates_.crowded() || (edge_pairs_ && edge_pairs_->crowded())) {
     CopyLists();
   }
   for (BodyPair& pair : bodies_.pairs()) {
     if (!pair.stale) continue;
-    if (!List(&pair)) {
+    if (!List(&pair, position_m)) {
       CopyLists();  // nobody refers to a stale pair's lists
-      if (!List(&pair)) report->bits |= kStepCandidateCapacity;
+      if (!List(&pair, position_m)) report->bits |= kStepCandidateCapacity;
     }
     pair.stale = false;
   }
@@ -141,18 +142,15 @@ void Detector::CopyLists() {
   if (edge_pairs_) edge_pairs_->EndCopy();
 }
 
-// Lists particles and edges of pair->body near those of pair->other, both where they were at their
-// references, moved by the mean motions of now. False when there is no room for all.
-bool Detector::List(BodyPair* pair) {
-  const Body& body = model_.bodies[pair->body];
-  const std::span<const Vec3> reference_m = bodies_.reference_m();
-  const Aabb box = bodies_.tree(pair->other).bounds().Grown(reach_m_ + skin_m_);
+// Lists particles and edges of pair->body near those of pair->other. False when there is no room
+// for all.
+bool Detector::List(BodyPair* pair, std::span<const Vec3> position_m) {
+  const Aabb box = bodies_.BoxNow(pair->other).Grown(reach_m_ + skin_m_);
   groups_.Begin();
   candidates_.Begin();
   bool room = true;
-  for (int p = body.first_particle; p < body.first_particle + body.particle_count && room; ++p) {
-    const Vec3 x = reference_m[p] - pair->apart_m;
-    if (box.Contains(x)) room = ListGroup(p, x, *pair);
+  for (const NearbyParticle& near : bodies_.region(*pair)) {
+    if (room && box.Contains(near.listed_m)) room = ListGroup(near.particle, *pair, position_m);
   }
   pair->groups = groups_.End();
   pair->candidates = candidates_.End();
@@ -161,23 +159,24 @@ bool Detector::List(BodyPair* pair) {
     pair->nearest_m = std::min<double>(pair->nearest_m, group.distance_m);
   }
   if (edge_pairs_ && pair->body <= pair->other) {
-    room &= edge_pairs_->List(pair, bodies_, pair->body == pair->other ? rest_.get() : nullptr);
+    RestNeighbours* rest = pair->body == pair->other ? rest_.get() : nullptr;
+    room &= edge_pairs_->List(pair, bodies_, rest, position_m);
   }
   return room;
 }
 
-// The triangles of pair.other near particle `p`, which is at `x` beside that body's reference.
-bool Detector::ListGroup(int p, const Vec3& x, const BodyPair& pair) {
-  const std::span<const Vec3> reference_m = bodies_.reference_m();
+// The triangles of pair.other near particle `p`.
+bool Detector::ListGroup(int p, const BodyPair& pair, std::span<const Vec3> position_m) {
+  const Vec3& x = position_m[p];
   const double within = reach_m_ + skin_m_;
   const bool own = pair.body == pair.other;
   const int first = candidates_.End().count;
   bool room = true;
   if (own) rest_->Of(p);
-  bodies_.tree(pair.other).Query(Aabb{x, x}.Grown(within), [&](int t) {
+  bodies_.Query(pair.other, Aabb{x, x}.Grown(within), [&](int t) {
     const Triangle& tri = model_.triangles[t];
     const double distance_sq =
-        ClosestPointOnTriangle(x, reference_m[tri[0]], reference_m[tri[1]], reference_m[tri[2]])
+        ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]])
             .distance_sq_m2;
     if (distance_sq > within * within || (own && BelongTogether(p, t))) return;
     room = room && candidates_.Push({t, NoMoreThan(std::sqrt(distance_sq))});
@@ -202,8 +201,7 @@ bool Detector::BelongTogether(int particle, int triangle) const {
 }
 
 // The groups that may be within reach, ascending by (particle, body).
-void Detector::CollectWork(std::span<const Vec3> position_m) {
-  const std::span<const Vec3> reference_m = bodies_.reference_m();
+void Detector::CollectWork() {
   work_.clear();
   std::size_t first = 0;  // of the body's
   int body = -1, parts = 0;
@@ -214,7 +212,8 @@ void Detector::CollectWork(std::span<const Vec3> position_m) {
     });
   };
   for (const BodyPair& pair : bodies_.pairs()) {
-    if (pair.nearest_m - pair.moved_m > reach_m_) continue;
+    const double nearer_m = bodies_.nearer_m(pair);
+    if (pair.nearest_m - nearer_m > reach_m_) continue;
     if (pair.body != body) {
       end_body();
       body = pair.body;
@@ -222,11 +221,7 @@ void Detector::CollectWork(std::span<const Vec3> position_m) {
       parts = 0;
     }
     ++parts;
-    const BodyMotion& other = bodies_.motion(pair.other);
-    const Vec3 together = other.mean_m - pair.apart_m;
     for (const Group& group : groups_[pair.groups]) {
-      const Vec3 moved = position_m[group.particle] - reference_m[group.particle];
-      const double nearer_m = other.rest_m + (moved - together).norm();
       if (group.distance_m - nearer_m > reach_m_) continue;
       work_.push_back({group.particle,
                        pair.other,
@@ -238,7 +233,7 @@ void Detector::CollectWork(std::span<const Vec3> position_m) {
 }
 
 std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Parallel* parallel) {
-  CollectWork(position_m);
+  CollectWork();
   evaluated_.resize(work_.size());
   parallel->For(static_cast<int>(work_.size()), kGrain, [&](int begin, int end) {
     for (int w = begin; w < end; ++w) evaluated_[w] = Evaluate(work_[w], position_m);
@@ -253,7 +248,7 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
 std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
                                                StepReport* report) {
   if (!edge_pairs_) return {};
-  return edge_pairs_->Find(bodies_.pairs(), position_m, reach_m_, parallel, report);
+  return edge_pairs_->Find(bodies_, position_m, reach_m_, parallel, report);
 }
 
 NearPair Detector::Evaluate(const Work& group, std::span<const Vec3> position_m) const {

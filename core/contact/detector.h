@@ -75,12 +75,12 @@ class Detector {
     ListSpan candidates;
     double nearer_m;  // by how much its sides may have come nearer since it was listed
   };
-  void Renew(StepReport* report);
-  bool List(BodyPair* pair);
-  bool ListGroup(int particle, const Vec3& x, const BodyPair& pair);
+  void Renew(std::span<const Vec3> position_m, StepReport* report);
+  bool List(BodyPair* pair, std::span<const Vec3> position_m);
+  bool ListGroup(int particle, const BodyPair& pair, std::span<const Vec3> position_m);
   void CopyLists();
   bool BelongTogether(int particle, int triangle) const;
-  void CollectWork(std::span<const Vec3> position_m);
+  void CollectWork();
   NearPair Evaluate(const Work& work, std::span<const Vec3> position_m) const;
   Vec3 Pseudonormal(int triangle, ClosestPoint::Feature feature,
                     std::span<const Vec3> position_m) const;

@@ -38,10 +38,10 @@ class EdgePairs {
  public:
   EdgePairs(const Model& model, double within_m);
 
-  // Lists the edges of pair->body within `within_m` of those of pair->other, at the bodies'
-  // references, moved by the mean motions of now; where these are one body, without what `rest`
-  // says never collides. False: there is no room for all.
-  bool List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest);
+  // Lists the edges of pair->body within `within_m` of those of pair->other; where these are one
+  // body, without what `rest` says never collides. False: there is no room for all.
+  bool List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest,
+            std::span<const Vec3> position_m);
   // As of a ListStore.
   bool crowded() const { return candidates_.crowded(); }
   void BeginCopy() { candidates_.BeginCopy(); }
@@ -49,7 +49,7 @@ class EdgePairs {
   void EndCopy() { candidates_.EndCopy(); }
 
   // Pairs with |gap| <= reach, ascending by (edge a, edge b). Allocates nothing.
-  std::span<const NearEdges> Find(std::span<const BodyPair> pairs, std::span<const Vec3> position_m,
+  std::span<const NearEdges> Find(const BodyPairs& bodies, std::span<const Vec3> position_m,
                                   double reach_m, Parallel* parallel, StepReport* report);
 
  private:
@@ -57,6 +57,7 @@ class EdgePairs {
   // round-off; a little more holds what is about to become nearest.
   static constexpr double kTolerance = 0.1;
 
+  static constexpr int kLanes = 8;
   struct Edge {
     std::array<std::int32_t, 2> ends;      // ascending
     std::array<std::int32_t, 2> triangle;  // ascending; the second is -1 at a border
@@ -67,9 +68,10 @@ class EdgePairs {
     std::int32_t a, b;
     float distance_m;  // when it was listed, or less
   };
-  bool ListEdge(int edge, const Vec3& apart_m, const TriangleTree& tree,
-                std::span<const Vec3> reference_m, const RestNeighbours* rest);
-  void CollectWork(std::span<const BodyPair> pairs, double reach_m);
+  bool ListEdge(int edge, int body, const BodyPairs& bodies, const RestNeighbours* rest,
+                std::span<const Vec3> position_m);
+  void MarkInside(int begin, int end, double reach_sq_m2, std::span<const Vec3> position_m);
+  void CollectWork(const BodyPairs& bodies, double reach_m);
   bool BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const;
   // Where two lines are nearest, if that is inside both edges and within reach.
   struct Crossing {
@@ -86,6 +88,7 @@ class EdgePairs {
   const Model& model_;
   double within_m_;
   std::vector<Edge> edges_;                         // body by body
+  std::vector<std::array<std::int32_t, 2>> ends_;   // [#edges] the same, where many are looked at
   std::vector<std::int32_t> first_edge_;            // [#bodies + 1]
   std::vector<std::array<std::int32_t, 3>> owned_;  // [#triangles] edges it is the lowest of, -1
   ListStore<Candidate> candidates_;                 // of two bodies each, by distance

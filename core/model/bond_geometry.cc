@@ -1,5 +1,9 @@
 #include "core/model/bond_geometry.h"
 
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
 namespace adhesim {
 
 Vec3 EdgeCross(const Bond& bond, const Model& model, std::span<const Vec3> position_m) {
@@ -33,13 +37,32 @@ BondGeometry GeometryOf(const Bond& bond, const Model& model, std::span<const Ve
   return geometry;
 }
 
-BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg) {
+BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg,
+                  double most_pa) {
   if (!adhesive.kappa) {
-    return {adhesive.strength.normal_pa * area_m2, adhesive.strength.shear_pa * area_m2};
+    return {std::min(adhesive.strength.normal_pa, most_pa) * area_m2,
+            std::min(adhesive.strength.shear_pa, most_pa) * area_m2};
   }
   const double force =
       adhesive.kappa->kappa_adh_m * mass_kg / (adhesive.kappa->dt_ref_s * adhesive.kappa->dt_ref_s);
   return {force, force};
+}
+
+double CrackTraction(const Bond& bond, int member, const Model& model) {
+  const std::optional<double>& work_j_m2 = bond.tool >= 0
+                                               ? model.tools[bond.tool].work_of_adhesion_j_m2
+                                               : model.adhesive->work_of_adhesion_j_m2;
+  if (!work_j_m2) return std::numeric_limits<double>::infinity();
+  const std::vector<double>& compliance = model.compliance_per_pa;
+  const bool of_particle = member == bond.particle || member == bond.partner;
+  double both = compliance[member];
+  if (of_particle) {
+    both += compliance[model.triangles[bond.triangle][0]];
+  } else if (bond.tool < 0) {
+    both += compliance[bond.particle];
+  }
+  const double size_m = std::sqrt(model.area_m2[member]);
+  return std::sqrt(4 * *work_j_m2 / (std::numbers::pi * both * size_m));
 }
 
 }  // namespace adhesim

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <span>
 
 #include "core/model/model.h"
@@ -25,7 +26,15 @@ struct BondLimit {
   double shear_n = 0;
 };
 
-// From its area (a share of the surface) or, with kappa_adh, its mass.
-BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg);
+// From its area (a share of the surface) and the greatest traction there, or, with kappa_adh, from
+// its mass.
+BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg,
+                  double most_pa = std::numeric_limits<double>::infinity());
+
+// The traction at which a crack with the work of adhesion w runs over a member of a bond, Pa: the
+// mean over its size h of what stands ahead of a crack's tip, sqrt(4 E* w / (pi h)) (physics notes
+// 3.3, item 8; K^2 = 2 E* w, 1 / E* the sum of both sides' (1 - nu^2) / E). Infinite where no work
+// of adhesion is given.
+double CrackTraction(const Bond& bond, int member, const Model& model);
 
 }  // namespace adhesim

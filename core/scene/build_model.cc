@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "core/model/tissue.h"
 #include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
 #include "core/scene/field_value.h"
@@ -144,6 +145,9 @@ ToolModel BuildTool(const v1::Tool& tool, const std::string& path, Problems* pro
     built.strength.normal_pa = adhesion.normal_strength_pa();
     built.strength.shear_pa = adhesion.has_shear_strength_pa() ? adhesion.shear_strength_pa()
                                                                : adhesion.normal_strength_pa();
+    if (adhesion.has_work_of_adhesion_j_m2()) {
+      built.work_of_adhesion_j_m2 = adhesion.work_of_adhesion_j_m2();
+    }
     if (adhesion.has_sticky_length_m()) built.sticky_length_m = adhesion.sticky_length_m();
   }
   BuildTrajectory(tool, path, &built, problems);
@@ -168,6 +172,9 @@ AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std:
     built.strength.normal_pa = built.strength.shear_pa = adhesive.normal_strength_pa();
   }
   if (adhesive.has_shear_strength_pa()) built.strength.shear_pa = adhesive.shear_strength_pa();
+  if (adhesive.has_work_of_adhesion_j_m2()) {
+    built.work_of_adhesion_j_m2 = adhesive.work_of_adhesion_j_m2();
+  }
   if (adhesive.has_patch_size_m()) built.patch_size_m = adhesive.patch_size_m();
   if (adhesive.has_bell()) {
     built.bell = BellRelease{adhesive.bell().rate_per_s(), adhesive.bell().force_n()};
@@ -216,6 +223,12 @@ Integrator IntegratorOf(const v1::Scene& scene) {
   return Integrator::kExplicit;
 }
 
+bool NeedsCompliance(const Model& model) {
+  return (model.adhesive && model.adhesive->work_of_adhesion_j_m2) ||
+         std::any_of(model.tools.begin(), model.tools.end(),
+                     [](const ToolModel& tool) { return tool.work_of_adhesion_j_m2.has_value(); });
+}
+
 void BuildConnectivity(Model* model) {
   const int n = model->particle_count();
   IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
@@ -251,6 +264,7 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   if (HasError(built.problems)) return built;
   BuildConnectivity(model.get());
   model->scene = scene;
+  if (NeedsCompliance(*model)) model->compliance_per_pa = CompliancesOf(*model);
   built.model = std::move(model);
   return built;
 }

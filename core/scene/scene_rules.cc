@@ -115,6 +115,11 @@ void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
                          "excludes normal_strength_pa and shear_strength_pa: both state the "
                          "strength; write one form"});
   }
+  if (adhesive.has_kappa_adh_m() && adhesive.has_work_of_adhesion_j_m2()) {
+    problems->push_back({path + ".work_of_adhesion_j_m2",
+                         "lowers strengths in Pa, and kappa_adh_m is none; permitted: "
+                         "normal_strength_pa, or no strength"});
+  }
   if (adhesive.has_shear_strength_pa() && !adhesive.has_normal_strength_pa() &&
       !adhesive.has_kappa_adh_m()) {
     problems->push_back({path + ".shear_strength_pa", "needs normal_strength_pa beside it"});
@@ -125,6 +130,22 @@ void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
                          "needs a strength beside it (normal_strength_pa or kappa_adh_m; 0 is "
                          "permitted): without one nothing ever lets go or slides"});
   }
+}
+
+// The traction at a crack's front depends on how stiff the tissue is.
+void CheckWorkOfAdhesion(const v1::Scene& scene, const std::string& path, Problems* problems) {
+  for (const v1::Body& body : scene.bodies()) {
+    if (HasTetrahedra(body) || body.kind() == v1::BODY_KIND_RIGID) continue;
+    const auto fixes_all = [](const v1::Region& region) { return region.all(); };
+    if (std::any_of(body.fixed().begin(), body.fixed().end(), fixes_all)) continue;
+    problems->push_back(
+        {path, absl::StrCat("needs the stiffness of body ", Quoted(body.name()),
+                            ", which is a surface; permitted: bodies of tetrahedra with "
+                            "elasticity, rigid and fixed ones")});
+  }
+  const bool elastic = std::any_of(scene.effects().begin(), scene.effects().end(),
+                                   [](const v1::Effect& e) { return e.has_elasticity(); });
+  if (!elastic) problems->push_back({path, "needs the effect elasticity"});
 }
 
 void CheckLinks(const v1::ElasticLinks& links, const std::string& path, Problems* problems) {
@@ -246,6 +267,9 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
       }
       adhesive = i;
       CheckAdhesive(effect.virtual_adhesive(), path + ".virtual_adhesive", problems);
+      if (effect.virtual_adhesive().has_work_of_adhesion_j_m2()) {
+        CheckWorkOfAdhesion(scene, path + ".virtual_adhesive.work_of_adhesion_j_m2", problems);
+      }
     } else if (effect.has_elastic_links()) {
       CheckLinks(effect.elastic_links(), path + ".elastic_links", problems);
     } else if (effect.has_muscle()) {
@@ -270,6 +294,12 @@ void CheckSceneRules(const v1::Scene& scene, Problems* problems) {
   }
   for (int i = 0; i < scene.tools_size(); ++i)
     CheckTool(scene.tools(i), IndexPath("tools", i), problems);
+  for (int i = 0; i < scene.tools_size(); ++i) {
+    if (scene.tools(i).adhesion().has_work_of_adhesion_j_m2()) {
+      CheckWorkOfAdhesion(scene, IndexPath("tools", i) + ".adhesion.work_of_adhesion_j_m2",
+                          problems);
+    }
+  }
   CheckEffects(scene, problems);
 }
 

@@ -11,7 +11,7 @@ constexpr int kNewtonIterations = 50;
 constexpr double kNewtonForcing = 1e-3;  // what a linear solve leaves of Newton's residual
 constexpr double kSlopeLeft = 0.2;       // of the slope at the start, where a line search ends
 constexpr int kSearchAttempts = 8;
-constexpr double kRoundOff = 4e-16;  // of a force, relative to stiffness times position
+constexpr double kRoundOff = 1e-15;  // of a force, relative to stiffness times position
 
 }  // namespace
 

@@ -27,9 +27,9 @@ ADHESIM_INLINE V4 Load(const double* from) {
   std::memcpy(&v, from, sizeof(v));
   return v;
 }
-ADHESIM_INLINE void Store(V4 v, double* to) { std::memcpy(to, &v, sizeof(v)); }
+ADHESIM_INLINE void Store(const V4& v, double* to) { std::memcpy(to, &v, sizeof(v)); }
 // The fourth lane of a block's column is the next column's first number.
-ADHESIM_INLINE V4 Only3(V4 v) { return (V4)((Mask4)v & Mask4{-1, -1, -1, 0}); }
+ADHESIM_INLINE V4 Only3(const V4& v) { return (V4)((Mask4)v & Mask4{-1, -1, -1, 0}); }
 
 // A block times a vector; lane 3 is rubbish.
 ADHESIM_INLINE V4 Times(const double* block, const double* x) {
@@ -50,7 +50,7 @@ ADHESIM_INLINE V4 RowTimes(const double* values, const std::int32_t* column, int
   return Only3((sum0 + sum1) + sum2);
 }
 
-ADHESIM_INLINE double SumLanes(V4 v) {
+ADHESIM_INLINE double SumLanes(const V4& v) {
   double lane[4];
   Store(v, lane);
   return (lane[0] + lane[1]) + lane[2];

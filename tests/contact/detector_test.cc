@@ -92,6 +92,65 @@ TEST(Detector, FindsWhatBruteForceFindsWhileEverythingMoves) {
   EXPECT_GT(found, 500);
 }
 
+void ExpectBruteForcesPairs(Detector* detector, const Model& model, const std::vector<Vec3>& x,
+                            std::size_t* found) {
+  Parallel one(1);
+  StepReport report;
+  detector->Update(x, &one, &report);
+  const std::span<const NearPair> near = detector->Find(x, &one);
+  const std::vector<NearPair> expected = BruteForce(model, x, detector->reach_m());
+  EXPECT_EQ(report.bits, 0u);
+  ASSERT_EQ(near.size(), expected.size());
+  for (std::size_t k = 0; k < near.size(); ++k) {
+    EXPECT_EQ(near[k].particle, expected[k].particle);
+    EXPECT_EQ(near[k].body, expected[k].body);
+    // Round-off of squared distances of up to a metre.
+    EXPECT_NEAR(near[k].gap_m * near[k].gap_m, expected[k].gap_m, 1e-14);
+  }
+  *found += near.size();
+}
+
+// Far from the shape that its tree was built for.
+TEST(Detector, FindsWhatBruteForceFindsWhileASheetIsRolledUp) {
+  const auto model = ModelOf(R"(
+bodies:
+  - {name: sheet, sheet: {length_m: 2, width_m: 0.5, columns: 33, rows: 9}, mass_kg: 1}
+  - {name: ball, icosphere: {radius_m: 0.1, subdivisions: 2}, mass_kg: 1, position_m: [0, 0.05, 0.12]}
+)");
+  Detector detector(*model, 0.03);
+  std::vector<Vec3> x = model->rest_position_m;
+  std::size_t found = 0;
+  for (int step = 0; step <= 40; ++step) {
+    // A spiral about the ball: arc length is kept nearly, the radius grows from 0.12 m.
+    const double turns_m = 0.1 * step / 40 / 0.12;  // how much of the way it is rolled
+    for (int p = 0; p < model->bodies[1].first_particle; ++p) {
+      const Vec3& rest = model->rest_position_m[p];
+      const double along = rest.x() + 1, angle = turns_m * 10 * along, radius = 0.12 + 0.01 * angle;
+      const Vec3 rolled(radius * std::sin(angle), rest.y(), 0.12 - radius * std::cos(angle));
+      const double share = step / 40.0;
+      x[p] = (1 - share) * rest + share * rolled;
+    }
+    ExpectBruteForcesPairs(&detector, *model, x, &found);
+  }
+  EXPECT_GT(found, 100u);
+}
+
+TEST(Detector, FindsWhatBruteForceFindsWhileABodyIsStretchedTenfold) {
+  const auto model = ModelOf(kThreeBodies);
+  Detector detector(*model, 0.08);
+  std::vector<Vec3> x = model->rest_position_m;
+  std::size_t found = 0;
+  for (int step = 0; step <= 30; ++step) {
+    const double factor = std::pow(10, step / 30.0);
+    for (int p = 0; p < model->bodies[1].first_particle; ++p) {
+      const Vec3& rest = model->rest_position_m[p];
+      x[p] = Vec3(rest.x(), factor * rest.y(), rest.z());
+    }
+    ExpectBruteForcesPairs(&detector, *model, x, &found);
+  }
+  EXPECT_GT(found, 500u);
+}
+
 // Mesh edges between two particles, at most `most`.
 bool WithinEdges(const Model& model, int from, int to, int most) {
   if (from == to) return true;

@@ -1,11 +1,16 @@
-// Implicit steps of whole engines: tissue that a tool presses.
+// Implicit steps of whole engines: tissue that a tool presses, and bodies that stick and part.
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "core/engine/engine.h"
 #include "core/model/diagnostics.h"
+#include "tests/support/count_allocations.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/pressed_block.h"
+#include "tests/support/test_size.h"
 
 namespace adhesim {
 namespace {
@@ -13,14 +18,202 @@ namespace {
 using test::EngineOf;
 using test::PressedBlock;
 
-TEST(ImplicitEngine, PressesAndLetsGo) {
-  auto engine = EngineOf(ModelOf(PressedBlock{}));
-  double peak = 0;
-  for (int k = 0; k < 260; ++k) {
+// Of the steps of a scene in which a tool holds tissue: the force, what the solver's tolerance
+// changed in it (against the same step solved to 1e-13), and the bar.
+struct Sample {
+  double force_n, error_n, bar_n;
+};
+
+std::vector<Sample> SampleForces(PressedBlock pressed) {
+  if (kSanitized) pressed.cells = 4;
+  auto engine = EngineOf(ModelOf(pressed));
+  PressedBlock exact = pressed;
+  exact.tolerance = 1e-13;
+  auto converged = EngineOf(ModelOf(exact));
+  std::vector<Sample> samples;
+  Frame frame = engine->MakeFrame();
+  for (int k = 0; k < std::lround(1.3 / pressed.dt_s); ++k) {
+    converged->Restore(engine->state());
+    converged->Step({});
     engine->Step({});
-    peak = std::max(peak, engine->state().tools[0].tissue.force_n.norm());
+    engine->WriteFrame(&frame);
+    const Vec3 force = engine->state().tools[0].tissue.force_n;
+    if (frame.tools[0].force_error_n < 0) continue;
+    samples.push_back({force.norm(), (force - converged->state().tools[0].tissue.force_n).norm(),
+                       frame.tools[0].force_error_n});
   }
-  EXPECT_GT(peak, 0.1);
+  return samples;
+}
+
+double Quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
+}
+
+TEST(ImplicitEngine, ErrorBarCoversTheConvergedForceAndIsNotLargerThanItMustBe) {
+  for (const PressedBlock& pressed :
+       {PressedBlock{}, PressedBlock{.tolerance = 0.1}, PressedBlock{.dt_s = 2e-3},
+        PressedBlock{.stiffness_damping_s = 5e-3}}) {
+    const std::vector<Sample> samples = SampleForces(pressed);
+    double covered = 0;
+    std::vector<double> ratio;
+    for (const Sample& s : samples) {
+      // The difference itself is known to the round-off of a force of about 1 N in stiff tissue.
+      covered += s.bar_n + 1e-11 >= s.error_n;
+      if (s.error_n > 1e-10) ratio.push_back(s.bar_n / s.error_n);
+    }
+    ASSERT_GT(samples.size(), 150u);
+    ASSERT_GT(ratio.size(), 100u);
+    EXPECT_GE(covered, 0.99 * static_cast<double>(samples.size()));
+    EXPECT_LE(Quantile(ratio, 0.5), 10);
+  }
+}
+
+TEST(ImplicitEngine, DefaultToleranceGivesToolForcesToOnePercent) {
+  const std::vector<Sample> samples = SampleForces(PressedBlock{});
+  std::vector<double> relative;
+  for (const Sample& s : samples) {
+    if (s.force_n > 0.1) relative.push_back(s.error_n / s.force_n);
+  }
+  EXPECT_LE(Quantile(relative, 0.99), 0.01);
+}
+
+TEST(ImplicitEngine, BooksAndMomentaBalanceWhileAToolPressesAndTears) {
+  for (const double damping_s : {0.0, 5e-3}) {
+    auto engine = EngineOf(ModelOf(PressedBlock{.stiffness_damping_s = damping_s}));
+    double peak = 0;
+    for (int k = 0; k < 260; ++k) {
+      EXPECT_EQ(engine->Step({}).bits, 0u);
+      peak = std::max(peak, engine->state().tools[0].tissue.force_n.norm());
+    }
+    EXPECT_GT(peak, 1);
+    EXPECT_TRUE(engine->state().contacts.zones.empty());
+    // Terms by their own formulas, summed over some hundred particles.
+    EXPECT_LT(IdentityError(engine->state().ledger), 1e-12);
+    // Whatever the tolerance (1 % here).
+    EXPECT_LT(MomentumBalance(engine->model(), engine->state()).linear, 1e-11);
+    EXPECT_GT(engine->state().ledger.numerical_j, 0);
+    if (damping_s > 0) {
+      EXPECT_GT(engine->state().ledger.viscous_j, 0);
+    }
+  }
+}
+
+TEST(ImplicitEngine, RestoredStatesGoOnWithTheSameBits) {
+  for (const Integrator integrator : {Integrator::kImplicit, Integrator::kNewton}) {
+    auto engine = EngineOf(ModelOf(PressedBlock{.cells = 4, .integrator = integrator}));
+    for (int k = 0; k < 50; ++k) engine->Step({});
+    const State kept = engine->state();
+    for (int k = 0; k < 20; ++k) engine->Step({});
+    const std::uint64_t hash = engine->StateHash();
+    auto other =
+        EngineOf(ModelOf(PressedBlock{.cells = 4, .integrator = integrator}), 3, Simd::kBaseline);
+    other->Restore(kept);
+    for (int k = 0; k < 20; ++k) other->Step({});
+    EXPECT_EQ(other->StateHash(), hash);
+  }
+}
+
+TEST(ImplicitEngine, ErrorBarsBeginAnewWithRestore) {
+  auto engine = EngineOf(ModelOf(PressedBlock{.cells = 4}));
+  Frame frame = engine->MakeFrame();
+  for (int k = 0; k < 50; ++k) engine->Step({});
+  const State kept = engine->state();
+  std::vector<double> bars;
+  for (int run = 0; run < 2; ++run) {
+    engine->Restore(kept);
+    engine->WriteFrame(&frame);
+    EXPECT_LT(frame.tools[0].force_error_n, 0);
+    for (int k = 0; k < 5; ++k) engine->Step({});
+    engine->WriteFrame(&frame);
+    bars.push_back(frame.tools[0].force_error_n);
+  }
+  EXPECT_GE(bars[0], 0);
+  EXPECT_EQ(bars[0], bars[1]);
+}
+
+TEST(ImplicitEngine, StepsAllocateNothing) {
+  for (const Integrator integrator : {Integrator::kImplicit, Integrator::kNewton}) {
+    auto engine = EngineOf(ModelOf(PressedBlock{.cells = 4, .integrator = integrator}));
+    engine->Step({});
+    const long before = test::allocations;
+    for (int k = 0; k < 80; ++k) engine->Step({});
+    EXPECT_EQ(test::allocations, before);
+    EXPECT_FALSE(engine->state().contacts.zones.empty());
+  }
+}
+
+TEST(ImplicitEngine, NewtonAndTheLinearStepAgreeOnThePressedForce) {
+  const auto force = [](Integrator integrator, double dt_s) {
+    auto engine = EngineOf(ModelOf(
+        PressedBlock{.cells = 5, .dt_s = dt_s, .tolerance = 1e-9, .integrator = integrator}));
+    for (int k = 0; k < std::lround(0.3 / dt_s); ++k) engine->Step({});
+    return engine->state().tools[0].tissue.force_n;
+  };
+  const Vec3 newton = force(Integrator::kNewton, 1.25e-3);
+  const double coarse =
+      (force(Integrator::kImplicit, 2.5e-3) - force(Integrator::kNewton, 2.5e-3)).norm();
+  const double fine = (force(Integrator::kImplicit, 1.25e-3) - newton).norm();
+  // Of first order or better in the step, and small in a motion that takes 0.3 s.
+  EXPECT_LT(fine, 0.7 * coarse);
+  EXPECT_LT(fine, 0.01 * newton.norm());
+}
+
+// Two blocks of tissue that fly into each other, stick, swing, and are torn apart by their motion.
+constexpr const char* kCollision = R"(
+rate_hz: 200
+bodies:
+  - name: left
+    block: {size_m: [0.04, 0.04, 0.04]}
+    tetrahedra: {cells: 3}
+    density_kg_m3: 1000
+    position_m: [-0.023, 0.004, 0]
+    velocity_m_s: [0.4, 0, 0]
+  - name: right
+    block: {size_m: [0.04, 0.04, 0.04]}
+    tetrahedra: {cells: 4}
+    density_kg_m3: 1000
+    position_m: [0.023, -0.004, 0.003]
+    velocity_m_s: [-0.4, 0, 0.1]
+effects:
+  - elasticity: {young_modulus_pa: 3000, poisson_ratio: 0.4}
+  - virtual_adhesive: {capture_distance_m: 0.002, normal_strength_pa: 150, shear_strength_pa: 150}
+)";
+
+TEST(ImplicitEngine, CaptureAndReleaseConserveMomentum) {
+  auto engine = EngineOf(kCollision);
+  int captures = 0, releases = 0;
+  for (int k = 0; k < 200; ++k) {
+    const StepReport report = engine->Step({});
+    captures += report.captures;
+    releases += report.releases;
+    EXPECT_EQ(report.bits & (kStepNonFinite | kStepNotConverged), 0u);
+  }
+  EXPECT_GT(captures, 5);
+  EXPECT_GT(releases, 5);
+  // Nothing acts from outside.
+  EXPECT_LT(MomentumBalance(engine->model(), engine->state()).linear, 1e-12);
+  EXPECT_LT(IdentityError(engine->state().ledger), 1e-12);
+}
+
+TEST(ImplicitEngine, VolumePreservationIsRefusedOnImplicitTissue) {
+  std::string scene = kCollision;
+  scene += "  - volume_preservation: {bodies: [right]}\n";
+  auto engine = Engine::Create(test::ModelOf(scene), {});
+  ASSERT_FALSE(engine.ok());
+  EXPECT_NE(engine.status().message().find("volume_preservation acts on body 'right'"),
+            std::string::npos)
+      << engine.status();
+}
+
+TEST(ImplicitEngine, ASceneMayAskForTheExplicitStep) {
+  const std::string scene =
+      std::string("integration: {integrator: INTEGRATOR_EXPLICIT}") + kCollision;
+  auto explicit_engine = EngineOf(scene);
+  auto implicit_engine = EngineOf(kCollision);
+  EXPECT_GT(explicit_engine->substeps(), 1);
+  EXPECT_EQ(implicit_engine->substeps(), 1);
+  EXPECT_TRUE(explicit_engine->state().velocity_change_m_s.empty());
 }
 
 }  // namespace

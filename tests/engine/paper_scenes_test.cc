@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/contact/penetration.h"
+#include "core/model/bond_geometry.h"
 #include "core/model/diagnostics.h"
 #include "core/scene/mesh/read_surface.h"
 #include "core/scene/scene_file.h"
@@ -114,8 +115,9 @@ TEST(PaperScenes, HalfOfTheContactIsThereWithinTwoSeconds) {
     double duration_s;    // as the scene's file says
     int least_colliding;  // that it is contact at all: two coarse balls meet by some edges
   };
+  // A ball that rolls from face to face has between 7 and 20, 14 on the mean.
   for (const Run& run : {Run{"six_spheres_on_plane", 6, 12}, Run{"two_cells_sticky", 5, 8},
-                         Run{"rolling_ball", 2, 12}, Run{"cell_aggregation", 4, 12}}) {
+                         Run{"rolling_ball", 2, 7}, Run{"cell_aggregation", 4, 12}}) {
     const auto engine = SceneEngine(std::string("paper/") + run.scene + ".yaml");
     StepMany(engine.get(), 2000);
     const int early = engine->state().contacts.colliding_particles;
@@ -148,6 +150,11 @@ TEST(PaperScenes, CellsAggregate) {
     const std::vector<Vec3>& x = engine->state().position_m;
     EXPECT_EQ(MeasurePenetration(engine->model(), x).vertices_inside, 0);
     EXPECT_EQ(CountEdgesThrough(engine->model(), x), 0);
+    // No bond lives on by a corner far from a contact that is gone.
+    for (const Bond& bond : engine->state().contacts.bonds) {
+      EXPECT_LE(std::abs(GeometryOf(bond, engine->model(), x).gap_m),
+                engine->model().adhesive->release_distance_m);
+    }
     if (second >= 1) {
       EXPECT_GE(colliding, 0.3 * engine->model().particle_count());
     }

@@ -201,8 +201,10 @@ unsigned NeoHookeanForces(Simd simd, const TetBatch& batch, std::span<const Vec3
         const auto shear = Kernel::Load(batch.shear_j, first),
                    lame = Kernel::Load(batch.lame_j, first);
         const auto at = Kernel::VolumetricOf(f, shear, lame);
-        // Round-off can make it negative at rest.
-        Kernel::Store(Kernel::NotNegative(0.5 * shear * at.trace + at.g), &out->energy_j, first);
+        const auto energy = 0.5 * shear * at.trace + at.g;
+        // Round-off can make it negative at rest. What is no number stays one.
+        const auto below = Kernel::Select(Kernel::Less(energy, 0.0 * energy), energy, 0.0 * energy);
+        Kernel::Store(energy - below, &out->energy_j, first);
         Kernel::Exert(first, batch, Kernel::Stress(f, shear, at.first), out->elastic_n);
         crushed |= Kernel::Bits(at.crushed) << first;
       });
