@@ -13,6 +13,13 @@ using Spoil = Vec3 (*)(const Vec3& x, std::mt19937* random);
 Vec3 Flat(const Vec3& x, std::mt19937*) { return {x.x(), x.y(), 0}; }
 // Mirrored: every tetrahedron is inside out.
 Vec3 Inverted(const Vec3& x, std::mt19937*) { return {x.x(), x.y(), -x.z()}; }
+// Every particle moved by up to half a cell along each axis: a part of the tetrahedra is inside
+// out.
+Vec3 Strewn(const Vec3& at, std::mt19937* random) {
+  std::uniform_real_distribution<double> uniform(-0.0125, 0.0125);
+  const double x = uniform(*random), y = uniform(*random), z = uniform(*random);
+  return at + Vec3(x, y, z);
+}
 // Every particle anywhere in a box of the block's size.
 Vec3 Scrambled(const Vec3&, std::mt19937* random) {
   std::uniform_real_distribution<double> uniform(-0.05, 0.05);
@@ -63,18 +70,28 @@ double RecoveryTime(const std::string& law, Spoil spoil) {
   return -1;
 }
 
-void ExpectRecovery(const std::string& law) {
-  const std::pair<const char*, Spoil> ways[] = {
-      {"flat", Flat}, {"inverted", Inverted}, {"scrambled", Scrambled}, {"point", Point}};
-  for (const auto& [name, spoil] : ways) {
-    const double time_s = RecoveryTime(law, spoil);
-    Tell(law + ", " + name + ": seconds to recover", time_s);
-    EXPECT_GT(time_s, 0) << law << " " << name;
-  }
+void ExpectRecovery(const std::string& law, const char* name, Spoil spoil) {
+  const double time_s = RecoveryTime(law, spoil);
+  Tell(law + ", " + name + ": seconds to recover", time_s);
+  EXPECT_GT(time_s, 0) << law << " " << name;
 }
 
-TEST(Recovery, OfCorotationalTissueFromAnyShape) { ExpectRecovery("corotational"); }
-TEST(Recovery, OfNeoHookeanTissueFromAnyShape) { ExpectRecovery("neo_hookean"); }
+TEST(Recovery, OfCorotationalTissueFromAnyShape) {
+  ExpectRecovery("corotational", "flat", Flat);
+  ExpectRecovery("corotational", "inverted", Inverted);
+  ExpectRecovery("corotational", "in one point", Point);
+  ExpectRecovery("corotational", "strewn by half a cell", Strewn);
+  ExpectRecovery("corotational", "scrambled", Scrambled);
+}
+
+// Not from a thorough scramble: its energy has minima other than rest, in which every tetrahedron
+// has a positive volume but the mesh goes round an edge twice (docs/tissue.md).
+TEST(Recovery, OfNeoHookeanTissueFromFlatInvertedAndStrewnShapes) {
+  ExpectRecovery("neo_hookean", "flat", Flat);
+  ExpectRecovery("neo_hookean", "inverted", Inverted);
+  ExpectRecovery("neo_hookean", "in one point", Point);
+  ExpectRecovery("neo_hookean", "strewn by half a cell", Strewn);
+}
 
 }  // namespace
 }  // namespace adhesim::test
