@@ -338,6 +338,32 @@ TEST_P(ElasticLaw, ForceIsMinusTheGradientWhenCrushedAndInverted) {
   }
 }
 
+TEST(NeoHookean, IsPushedOpenWhereItIsNearlyAPoint) {
+  Tissue tissue(Block(v1::ELASTIC_MODEL_NEO_HOOKEAN));
+  tissue.Map(0.1 * kTurn);
+  tissue.Strew(0.001, &tissue.x);
+  tissue.Evaluate();
+  const std::vector<Vec3> force = tissue.force[0];
+  // Tr P, per volume: mu/2 (t_0 - 0.3)^2 of the collapse term beside 0.1 mu of I_C.
+  double opening = 0;
+  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+    opening += force[p].dot(kTurn * tissue.model->rest_position_m[p]);
+  }
+  EXPECT_GT(opening, 0);
+  const double h = 1e-6;
+  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+    for (int k = 0; k < 3; ++k) {
+      tissue.x[p](k) += h;
+      const double up = tissue.Evaluate();
+      tissue.x[p](k) -= 2 * h;
+      const double down = tissue.Evaluate();
+      tissue.x[p](k) += h;
+      // As above; energies of tens of J err by 1e-14 J over 1e-6 m.
+      EXPECT_NEAR(force[p](k), -(up - down) / (2 * h), 1e-6) << p << " " << k;
+    }
+  }
+}
+
 TEST(NeoHookean, StiffnessIsTheDerivativeOfTheForceWhereNothingIsProjected) {
   Tissue tissue(Block(v1::ELASTIC_MODEL_NEO_HOOKEAN));
   tissue.Map(1.1 * kTurn);  // stretched, so that no eigenvalue is near zero

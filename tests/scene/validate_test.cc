@@ -54,6 +54,18 @@ TEST(ValidateScene, RefusesContradictingStrengths) {
               HasSubstr("effects[6].virtual_adhesive.shear_strength_pa: needs normal_strength_pa"));
 }
 
+TEST(ValidateScene, RefusesTheBorderAsAPartOfAVolume) {
+  v1::Scene scene = Sample();
+  v1::Elasticity* elasticity = scene.add_effects()->mutable_elasticity();
+  elasticity->set_young_modulus_pa(1000);
+  v1::MaterialRegion* region = elasticity->add_regions();
+  region->set_young_modulus_pa(2000);
+  region->mutable_where()->set_border(true);
+  EXPECT_THAT(Described(scene), HasSubstr("regions[0].where.border: is a part of surfaces"));
+  region->clear_where();
+  EXPECT_THAT(Described(scene), HasSubstr("regions[0].where: required"));
+}
+
 TEST(ValidateScene, RefusesReleaseBelowCapture) {
   v1::Scene scene = Sample();
   scene.mutable_effects(6)->mutable_virtual_adhesive()->set_release_distance_m(0.002);

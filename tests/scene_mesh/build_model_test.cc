@@ -257,6 +257,25 @@ TEST(BuildModel, RefusesAContradictoryAdhesive) {
                 "effects[1].virtual_adhesive", "at most one");
 }
 
+TEST(BuildModel, RefusesElasticRegionsWithoutTetrahedra) {
+  const std::string block = R"(bodies { name: "b" block { size_m: [0.1, 0.1, 0.1] cells: 2 }
+    mass_kg: 1 tetrahedra { cells: 2 } } effects { elasticity { young_modulus_pa: 1000 )";
+  const auto region = [&](const std::string& where) {
+    return block + "regions { where { " + where + " } young_modulus_pa: 1 } } }";
+  };
+  EXPECT_NE(Build(region("all: true")).model, nullptr);
+  const std::string path = "effects[0].elasticity.regions[0].where";
+  ExpectProblem(region("ball { centre_m: [3, 0, 0] radius_m: 0.1 }"), path, "no tetrahedron");
+  ExpectProblem(region("label: 3"), path, "have no labels");
+  ExpectProblem(region("group: 'vessel'"), path, "have no groups");
+}
+
+TEST(BuildModel, RefusesElasticityOfNoBody) {
+  ExpectProblem(R"(bodies { name: "s" icosphere { radius_m: 1 } mass_kg: 1 }
+                   effects { elasticity { young_modulus_pa: 1000 } })",
+                "effects[0].elasticity", "no body of tetrahedra");
+}
+
 TEST(BuildModel, ReportsEveryProblemAtOnce) {
   const BuiltModel built = Build(R"(
     bodies { name: "a" icosphere { radius_m: 1 } mass_kg: 1 fixed { border: true } }
