@@ -8,6 +8,7 @@
 #include <random>
 #include <utility>
 
+#include "core/scene/body_file.h"
 #include "server/encode.h"
 #include "server/errors.h"
 
@@ -27,15 +28,16 @@ std::vector<FieldViolation> FileViolations(const v1::Scene& scene) {
   std::vector<FieldViolation> violations;
   for (int i = 0; i < scene.bodies_size(); ++i) {
     const v1::Body& body = scene.bodies(i);
-    const std::string& file = body.has_mesh() ? body.mesh().file() : body.label_map().file();
-    bool escapes = file.starts_with("/");
-    for (const absl::string_view part : absl::StrSplit(file, absl::ByAnyChar("/:"))) {
+    const std::string* file = FileOf(body);
+    if (file == nullptr) continue;
+    bool escapes = file->starts_with("/");
+    for (const absl::string_view part : absl::StrSplit(*file, absl::ByAnyChar("/:"))) {
       escapes = escapes || part == "..";
     }
     if (!escapes) continue;
     violations.push_back(
-        {absl::StrCat("bodies[", i, "].", body.has_mesh() ? "mesh" : "label_map", ".file"),
-         absl::StrCat("\"", file,
+        {ShapePath(body, absl::StrCat("bodies[", i, "]")),
+         absl::StrCat("\"", *file,
                       "\" leaves the server's scenes; permitted are paths below them")});
   }
   return violations;

@@ -20,6 +20,7 @@
 #include "clients/cli/picture_source.h"
 #include "clients/cli/stop_signals.h"
 #include "clients/cli/take_pictures.h"
+#include "core/scene/body_file.h"
 #include "core/scene/did_you_mean.h"
 #include "core/scene/mesh/read_surface.h"
 #include "server/recording/temporary_directory.h"
@@ -75,10 +76,10 @@ std::string SceneFileOf(const Arguments& arguments, std::string_view scene) {
 std::string MissingAsset(const std::string& scene_file) {
   const SceneFile file = ReadSceneFile(scene_file);
   for (const v1::Body& body : file.scene.bodies()) {
-    for (const std::string& name : {body.mesh().file(), body.label_map().file()}) {
-      const absl::Status found = ResolveFile(name, file.directory).status();
-      if (absl::IsNotFound(found)) return std::string(found.message());
-    }
+    const std::string* name = FileOf(body);
+    if (name == nullptr) continue;
+    const absl::Status found = ResolveFile(*name, file.directory).status();
+    if (absl::IsNotFound(found)) return std::string(found.message());
   }
   return "";
 }

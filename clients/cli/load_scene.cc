@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "clients/cli/output.h"
+#include "core/scene/body_file.h"
 #include "core/scene/build_model.h"
 #include "core/scene/field_options.h"
 #include "core/scene/scene_text.h"
@@ -32,8 +33,8 @@ Problems MissingFiles(const SceneFile& file) {
   };
   for (int i = 0; i < file.scene.bodies_size(); ++i) {
     const v1::Body& body = file.scene.bodies(i);
-    check(body.mesh().file(), IndexPath("bodies", i) + ".mesh.file");
-    check(body.label_map().file(), IndexPath("bodies", i) + ".label_map.file");
+    if (const std::string* name = FileOf(body))
+      check(*name, ShapePath(body, IndexPath("bodies", i)));
   }
   return problems;
 }

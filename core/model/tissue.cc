@@ -34,6 +34,19 @@ bool Holds(const v1::Region& region, const Model& model, int tetrahedron) {
   return false;
 }
 
+std::vector<std::int32_t> TetrahedraOf(const v1::Elasticity& elasticity, const Model& model) {
+  const auto& names = elasticity.bodies();
+  std::vector<std::int32_t> tetrahedra;
+  for (const Body& body : model.bodies) {
+    const bool named = std::find(names.begin(), names.end(), body.scene_name) != names.end();
+    if (body.rigid || !(named || names.empty())) continue;
+    for (int t = 0; t < body.tetrahedron_count; ++t) {
+      tetrahedra.push_back(body.first_tetrahedron + t);
+    }
+  }
+  return tetrahedra;
+}
+
 int RegionOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron) {
   for (int r = elasticity.regions_size() - 1; r >= 0; --r) {
     if (Holds(elasticity.regions(r).where(), model, tetrahedron)) return r;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "adhesim/v1/scene.pb.h"
@@ -21,6 +22,9 @@ struct Material {
 
 // Whether a region holds a tetrahedron: by its centre at rest, its label or its group.
 bool Holds(const v1::Region& region, const Model& model, int tetrahedron);
+
+// The tetrahedra of the bodies that a message acts on, ascending.
+std::vector<std::int32_t> TetrahedraOf(const v1::Elasticity& elasticity, const Model& model);
 
 // The last region of the message that holds a tetrahedron; -1: none does.
 int RegionOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron);

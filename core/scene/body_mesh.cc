@@ -4,8 +4,10 @@
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 
+#include <cmath>
 #include <utility>
 
+#include "core/scene/body_file.h"
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/embed.h"
@@ -65,22 +67,34 @@ absl::StatusOr<TriangleMesh> MakeSurface(const v1::Body& body, const std::string
   return absl::InvalidArgumentError("the body has no shape");
 }
 
+// For messages about what a file holds, from code that does not know the file.
+std::string FilePrefix(const v1::Body& body) {
+  return FileOf(body) == nullptr ? "" : absl::StrCat("'", *FileOf(body), "': ");
+}
+
 absl::StatusOr<TetMesh> ReadBodyTetMesh(const v1::Body& body, const std::string& directory) {
   const absl::StatusOr<std::string> file = ResolveFile(body.tet_mesh().file(), directory);
   if (!file.ok()) return file.status();
   absl::StatusOr<TetMesh> mesh = ReadTetMesh(*file);
   if (!mesh.ok()) return mesh;
-  for (Vec3& v : mesh->surface.vertices) v *= NumberOf(body.tet_mesh(), "scale_m");
+  const double scale_m = NumberOf(body.tet_mesh(), "scale_m");
+  for (Vec3& v : mesh->surface.vertices) v *= scale_m;
+  for (const Tetrahedron& t : mesh->tetrahedra) {
+    const double volume_m3 = TetVolume(mesh->surface.vertices, t);
+    if (volume_m3 > 0 && std::isfinite(volume_m3)) continue;
+    return absl::InvalidArgumentError(absl::StrCat("'", *file, "': with scale_m ", scale_m,
+                                                   " a tetrahedron has a volume of ", volume_m3,
+                                                   " m^3"));
+  }
   return mesh;
 }
 
 // A body that is its surface only: the surface must be fit for that.
 std::optional<TetMesh> SurfaceOnly(const v1::Body& body, const std::string& path,
                                    TriangleMesh surface, Problems* problems) {
-  const std::string file = body.has_mesh() ? absl::StrCat("'", body.mesh().file(), "': ") : "";
   bool fit = true;
   for (const MeshFlaw& flaw : CheckMesh(surface).flaws) {
-    problems->push_back({ShapePath(body, path), absl::StrCat(file, flaw.message), flaw.warning});
+    problems->push_back({ShapePath(body, path), FilePrefix(body) + flaw.message, flaw.warning});
     fit = fit && flaw.warning;
   }
   if (!fit) return std::nullopt;
@@ -91,15 +105,6 @@ std::optional<TetMesh> SurfaceOnly(const v1::Body& body, const std::string& path
 
 }  // namespace
 
-std::string ShapePath(const v1::Body& body, const std::string& path) {
-  const auto* shape = body.GetDescriptor()->FindOneofByName("shape");
-  const auto* field = body.GetReflection()->GetOneofFieldDescriptor(body, shape);
-  if (field == nullptr) return path;
-  return absl::StrCat(
-      path, ".", field->name(),
-      body.has_mesh() || body.has_label_map() || body.has_tet_mesh() ? ".file" : "");
-}
-
 std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& path,
                                     const std::string& directory, Problems* problems) {
   const auto take = [&](absl::StatusOr<TetMesh> mesh,
@@ -109,7 +114,7 @@ std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& pat
       return std::nullopt;
     }
     for (const std::string& warning : mesh->warnings) {
-      problems->push_back({ShapePath(body, path), warning, /*warning=*/true});
+      problems->push_back({ShapePath(body, path), FilePrefix(body) + warning, /*warning=*/true});
     }
     return *std::move(mesh);
   };
@@ -123,7 +128,11 @@ std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& pat
   absl::StatusOr<TriangleMesh> surface = MakeSurface(body, directory, &label_at);
   if (!surface.ok()) return take(surface.status(), ShapePath(body, path));
   if (!body.has_tetrahedra()) return SurfaceOnly(body, path, *std::move(surface), problems);
-  return take(EmbedInLattice(*surface, cells, label_at), tetrahedra_path);
+  absl::StatusOr<TetMesh> mesh = EmbedInLattice(*surface, cells, label_at);
+  if (mesh.ok()) return take(std::move(mesh), tetrahedra_path);
+  return take(
+      absl::Status(mesh.status().code(), absl::StrCat(FilePrefix(body), mesh.status().message())),
+      tetrahedra_path);
 }
 
 }  // namespace adhesim

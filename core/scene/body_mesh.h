@@ -15,7 +15,4 @@ namespace adhesim {
 std::optional<TetMesh> MakeBodyMesh(const v1::Body& body, const std::string& path,
                                     const std::string& directory, Problems* problems);
 
-// The field that a body's shape comes from, for messages about it: "bodies[1].mesh.file".
-std::string ShapePath(const v1::Body& body, const std::string& path);
-
 }  // namespace adhesim

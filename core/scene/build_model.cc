@@ -11,8 +11,10 @@
 #include <utility>
 
 #include "core/model/tissue.h"
+#include "core/scene/body_file.h"
 #include "core/scene/body_mesh.h"
 #include "core/scene/copies.h"
+#include "core/scene/elastic_regions.h"
 #include "core/scene/field_value.h"
 #include "core/scene/mesh/topology.h"
 #include "core/scene/place_body.h"
@@ -261,6 +263,8 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
         BuildTool(scene.tools(i), absl::StrCat("tools[", i, "]"), &built.problems));
   }
   BuildEffects(scene, model.get(), &built.problems);
+  if (HasError(built.problems)) return built;
+  CheckElasticRegions(scene, *model, &built.problems);
   if (HasError(built.problems)) return built;
   BuildConnectivity(model.get());
   model->scene = scene;

@@ -243,6 +243,19 @@ void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& na
   }
 }
 
+// Regions of materials are parts of a volume.
+void CheckMaterials(const v1::Elasticity& elasticity, const std::string& path, Problems* problems) {
+  for (int i = 0; i < elasticity.regions_size(); ++i) {
+    const std::string where = IndexPath(path + ".regions", i) + ".where";
+    CheckRegion(elasticity.regions(i).where(), where, problems);
+    if (elasticity.regions(i).where().has_border()) {
+      problems->push_back({where + ".border",
+                           "is a part of surfaces; permitted: all, half_space, ball, label, "
+                           "group"});
+    }
+  }
+}
+
 void CheckEffects(const v1::Scene& scene, Problems* problems) {
   // The effect that acts on each body.
   std::map<std::string, int> shape_memory, volume_preservation, elasticity;
@@ -259,6 +272,7 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
     } else if (effect.has_elasticity()) {
       ClaimBodies(scene, effect.elasticity().bodies(), ActsOn::kTetrahedra, path + ".elasticity",
                   &elasticity, i, problems);
+      CheckMaterials(effect.elasticity(), path + ".elasticity", problems);
     } else if (effect.has_virtual_adhesive()) {
       if (adhesive >= 0) {
         problems->push_back(

@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "core/scene/body_file.h"
 #include "core/scene/build_model.h"
 #include "core/scene/scene_file.h"
 #include "core/scene/validate.h"
@@ -68,13 +69,9 @@ absl::StatusOr<std::shared_ptr<const Model>> BuildRecordedModel(
   const absl::StatusOr<std::unique_ptr<TemporaryDirectory>> directory = TemporaryDirectory::Make();
   if (!directory.ok()) return directory.status();
   for (v1::Body& body : *scene.mutable_bodies()) {
-    absl::Status status;
-    if (body.has_mesh()) {
-      status = Unpack(beginning.assets, (*directory)->path(), body.mutable_mesh()->mutable_file());
-    } else if (body.has_label_map()) {
-      status =
-          Unpack(beginning.assets, (*directory)->path(), body.mutable_label_map()->mutable_file());
-    }
+    std::string* file = MutableFileOf(&body);
+    if (file == nullptr) continue;
+    const absl::Status status = Unpack(beginning.assets, (*directory)->path(), file);
     if (!status.ok()) return status;
   }
   BuiltModel built = BuildModel(WithDefaults(scene), (*directory)->path());

@@ -11,6 +11,7 @@
 
 #include "adhesim/v1/recording.pb.h"
 #include "adhesim/v1/view_service.pb.h"
+#include "core/scene/body_file.h"
 #include "core/scene/mesh/read_file.h"
 #include "core/scene/mesh/read_surface.h"
 #include "core/scene/scene_text.h"
@@ -64,7 +65,7 @@ absl::StatusOr<std::vector<SceneAsset>> ReadSceneAssets(const v1::Scene& scene,
   std::vector<SceneAsset> assets;
   std::size_t left = kMaxAssetBytes;
   for (const v1::Body& body : scene.bodies()) {
-    const std::string& name = body.has_mesh() ? body.mesh().file() : body.label_map().file();
+    const std::string name = FileOf(body) == nullptr ? "" : *FileOf(body);
     const auto same = [&](const SceneAsset& asset) { return asset.name == name; };
     if (name.empty() || std::any_of(assets.begin(), assets.end(), same)) continue;
     const absl::StatusOr<std::string> path = ResolveFile(name, directory);

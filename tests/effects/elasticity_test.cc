@@ -1,5 +1,6 @@
 #include "core/effects/elasticity/elasticity.h"
 
+#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -7,6 +8,7 @@
 #include <cmath>
 #include <random>
 
+#include "core/model/tissue.h"
 #include "tests/support/count_allocations.h"
 #include "tests/support/tet_block.h"
 
@@ -449,6 +451,48 @@ TEST_P(ElasticLaw, PatchTestAnAffineBoundaryGivesAnAffineInside) {
     }
     for (int p : inner) EXPECT_LT((tissue.x[p] - expected[p]).norm(), 1e-10) << p;
   }
+}
+
+// A bar of 4 x 1 x 1 cells of 1 kPa, with regions given as text.
+std::shared_ptr<Model> BarWith(const std::string& regions) {
+  const auto model = ModelOf(TetBlock{.cells = {4, 1, 1}, .size_m = {0.4, 0.1, 0.1}});
+  v1::Elasticity* elasticity = model->scene.mutable_effects(0)->mutable_elasticity();
+  EXPECT_TRUE(google::protobuf::TextFormat::MergeFromString(regions, elasticity));
+  return model;
+}
+
+TEST(MaterialRegions, SelectByShapeLabelAndGroupAndTheLastOneCounts) {
+  const auto model = BarWith(
+      "regions {where {half_space {point_m: [0.2, 0, 0] normal: [1, 0, 0]}} young_modulus_pa: 2000}"
+      "regions {where {ball {centre_m: [0, 0.05, 0.05] radius_m: 0.1}} young_modulus_pa: 3000 "
+      "poisson_ratio: 0.4}"
+      "regions {where {label: 7} young_modulus_pa: 4000}"
+      "regions {where {group: 'vessel'} young_modulus_pa: 5000}");
+  model->tet_label[12] = 7;
+  model->group_names = {"lobe", "vessel"};
+  model->tet_group[15] = 0;
+  model->tet_group[16] = 1;
+  const v1::Elasticity& elasticity = model->scene.effects(0).elasticity();
+  for (int t = 0; t < 20; ++t) {  // five a cell
+    const Material material = MaterialOf(elasticity, *model, t);
+    const double young = t == 12 ? 4000 : t == 16 ? 5000 : t < 5 ? 3000 : t < 10 ? 2000 : 1000;
+    EXPECT_EQ(material.young_modulus_pa, young) << t;
+    EXPECT_EQ(material.poisson_ratio, t < 5 ? 0.4 : 0.3) << t;
+  }
+}
+
+TEST(MaterialRegions, EnergyIsThatOfEachPartsMaterial) {
+  const auto model = BarWith(
+      "regions {where {half_space {point_m: [0.2, 0, 0] normal: [1, 0, 0]}} "
+      "young_modulus_pa: 2000 poisson_ratio: 0.3}");
+  model->fill[19] = 0.5;
+  Tissue tissue(model);
+  tissue.Map(Vec3(1.01, 1, 1).asDiagonal());
+  // psi = (mu + lambda/2) strain^2 in proportion to E: half of the bar twice as stiff, and half of
+  // the last tetrahedron (a sixth of a cell) empty. Round-off of strain 0.01 is 1e-14 of it.
+  const Material soft{1000, 0.3};
+  const double density = (soft.mu() + soft.lambda() / 2) * 1e-4, cell = 1e-3;
+  EXPECT_NEAR(tissue.Evaluate(), density * cell * (2 * 2 + 2 - 0.5 / 6), 1e-12 * density * cell);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/support/engine_fixture.h"
+#include "tests/support/tet_block.h"
 
 namespace adhesim::test {
 namespace {
@@ -35,6 +36,16 @@ TEST(Muscle, FibresAreTheEdgesAlongItsDirection) {
   const auto with_diagonals = Bar("{direction: [3, 0, 0], max_force_n: 1, least_cosine: 0.7}");
   EXPECT_GT(MuscleEffect(*with_diagonals, with_diagonals->scene.effects(0).muscle()).fibre_count(),
             16);
+}
+
+TEST(Muscle, FibresOfABodyOfTetrahedraAreTheirEdgesInsideItToo) {
+  const auto model = ModelOf(TetBlock{.cells = {2, 2, 2}});
+  v1::Muscle message;
+  for (const double d : {0.0, 0.0, 1.0}) message.add_direction(d);
+  message.set_max_force_n(1);
+  message.set_least_cosine(0.99);
+  // Nine upright lines of particles, two edges each: the one through the middle is one of them.
+  EXPECT_EQ(MuscleEffect(*model, message).fibre_count(), 18);
 }
 
 TEST(Muscle, PullsItsEndsTogetherWithItsForceAndLessWhenStretched) {

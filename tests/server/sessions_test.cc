@@ -82,6 +82,8 @@ TEST_F(SessionsTest, KeepClientsAwayFromOtherFiles) {
     EXPECT_EQ(RefusalOf(request), "SCENE_INVALID") << file;
     body->mutable_label_map()->set_file(file);
     EXPECT_EQ(RefusalOf(request), "SCENE_INVALID") << file;
+    body->mutable_tet_mesh()->set_file(file);
+    EXPECT_EQ(RefusalOf(request), "SCENE_INVALID") << file;
   }
 }
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/effects/registry.h"
 #include "core/model/polar.h"
+#include "core/model/tissue.h"
 
 namespace adhesim {
 namespace {
@@ -34,16 +34,11 @@ ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& mes
     : damping_s_(message.stiffness_damping_s()),
       neo_hookean_(message.model() == v1::ELASTIC_MODEL_NEO_HOOKEAN) {
   std::vector<std::int32_t> tetrahedra;
-  for (const int b : SelectBodies(model, message.bodies(), [](const Body& body) {
-         return !body.rigid && !body.all_fixed;
-       })) {
-    const Body& body = model.bodies[b];
-    for (int t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
-      const Tetrahedron& tet = model.tetrahedra[t];
-      const bool moves =
-          std::any_of(tet.begin(), tet.end(), [&](std::int32_t p) { return !model.fixed[p]; });
-      if (moves && model.fill[t] > 0) tetrahedra.push_back(t);
-    }
+  for (const std::int32_t t : TetrahedraOf(message, model)) {
+    const Tetrahedron& tet = model.tetrahedra[t];
+    const bool moves =
+        std::any_of(tet.begin(), tet.end(), [&](std::int32_t p) { return !model.fixed[p]; });
+    if (moves && model.fill[t] > 0) tetrahedra.push_back(t);
   }
   tet_count_ = static_cast<int>(tetrahedra.size());
   MakeBatches(model, message, tetrahedra);
@@ -56,7 +51,6 @@ ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& mes
 
 void ElasticityEffect::MakeBatches(const Model& model, const v1::Elasticity& message,
                                    std::span<const std::int32_t> tetrahedra) {
-  const double young = message.young_modulus_pa(), poisson = message.poisson_ratio();
   batch_.resize((tet_count_ + kLanes - 1) / kLanes);
   for (int k = 0; k < static_cast<int>(batch_.size()) * kLanes; ++k) {
     TetBatch& batch = batch_[k / kLanes];
@@ -73,8 +67,9 @@ void ElasticityEffect::MakeBatches(const Model& model, const v1::Elasticity& mes
     for (int a = 0; a < 4; ++a) batch.particle[a][lane] = tet[a];
     for (int a = 0; a < 3; ++a) SetLane(inverse.row(a), lane, &batch.gradient_1_m[a]);
     const double volume_m3 = idle ? 0 : std::abs(sides.determinant()) / 6 * model.fill[t];
-    batch.shear_j.v[lane] = volume_m3 * young / (2 * (1 + poisson));
-    batch.lame_j.v[lane] = volume_m3 * young * poisson / ((1 + poisson) * (1 - 2 * poisson));
+    const Material material = MaterialOf(message, model, t);
+    batch.shear_j.v[lane] = volume_m3 * material.mu();
+    batch.lame_j.v[lane] = volume_m3 * material.lambda();
   }
 }
 

@@ -2,24 +2,49 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/effects/registry.h"
 
 namespace adhesim {
+
+namespace {
+
+// The edges of a body, each once, ascending: of its tetrahedra where it has some, else of its
+// surface.
+std::vector<std::pair<std::int32_t, std::int32_t>> EdgesOf(const Model& model, const Body& body) {
+  std::vector<std::pair<std::int32_t, std::int32_t>> edges;
+  if (body.tetrahedron_count == 0) {
+    for (int i = body.first_particle; i < body.first_particle + body.particle_count; ++i) {
+      for (int k = model.neighbour_start[i]; k < model.neighbour_start[i + 1]; ++k) {
+        if (model.neighbours[k] > i) edges.emplace_back(i, model.neighbours[k]);
+      }
+    }
+    return edges;
+  }
+  for (int t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count; ++t) {
+    for (const std::int32_t i : model.tetrahedra[t]) {
+      for (const std::int32_t j : model.tetrahedra[t]) {
+        if (j > i) edges.emplace_back(i, j);
+      }
+    }
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
+
+}  // namespace
 
 MuscleEffect::MuscleEffect(const Model& model, const v1::Muscle& message)
     : max_force_n_(message.max_force_n()) {
   const Vec3 direction = Vec3(message.direction().data()).normalized();
   for (const int b :
        SelectBodies(model, message.bodies(), [](const Body& body) { return !body.rigid; })) {
-    const Body& body = model.bodies[b];
-    for (int i = body.first_particle; i < body.first_particle + body.particle_count; ++i) {
-      for (int k = model.neighbour_start[i]; k < model.neighbour_start[i + 1]; ++k) {
-        const int j = model.neighbours[k];
-        const Vec3 edge = model.rest_position_m[j] - model.rest_position_m[i];
-        if (j > i && std::abs(edge.dot(direction)) >= message.least_cosine() * edge.norm()) {
-          fibres_.push_back({i, j, edge.norm()});
-        }
+    for (const auto& [i, j] : EdgesOf(model, model.bodies[b])) {
+      const Vec3 edge = model.rest_position_m[j] - model.rest_position_m[i];
+      if (std::abs(edge.dot(direction)) >= message.least_cosine() * edge.norm()) {
+        fibres_.push_back({i, j, edge.norm()});
       }
     }
   }

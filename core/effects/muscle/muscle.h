@@ -6,7 +6,8 @@
 
 namespace adhesim {
 
-// Active fibres between neighbouring particles i and j, L apart (L_0 at rest), along d from i to j:
+// Active fibres between neighbouring particles i and j (ends of an edge of a tetrahedron, or of the
+// surface), L apart (L_0 at rest), along d from i to j:
 //   f_i = a(t) F_max l(L / L_0) d,  f_j = -f_i,  l(s) = max(0, 1 - 4 (s - 1)^2)
 // with a the activation in [0, 1] and l the force-length relation of muscle, a parabola of half
 // width 1/2 (Gordon, Huxley, Julian 1966; see README.md). Equal, opposite and collinear: the forces
