@@ -1,6 +1,5 @@
 #include <set>
 
-#include "core/model/diagnostics.h"
 #include "tests/support/test_size.h"
 #include "tests/tissue/tissue_sample.h"
 
