@@ -1,6 +1,5 @@
 #include <set>
 
-#include "core/model/diagnostics.h"
 #include "tests/support/test_size.h"
 #include "tests/tissue/tissue_sample.h"
 
@@ -98,20 +97,22 @@ ForceError ErrorOfHeldBlock(double tolerance) {
   return error;
 }
 
-TEST(ToolForce, IsTheRateOfChangeOfAFreeBlocksMomentumToTheTolerance) {
+// To round-off at any tolerance: after the solve, what is loose is moved as a whole until its
+// residuals sum to nothing. (The error against a converged solve does fall with the tolerance:
+// docs/tissue.md.)
+TEST(ToolForce, IsTheRateOfChangeOfAFreeBlocksMomentum) {
   if (kSanitized) GTEST_SKIP() << "long; shorter runs of the same are in tests/engine";
-  double last = 1;
   for (double tolerance : {1e-2, 1e-4, 1e-8}) {
     const ForceError error = ErrorOfFreeBlock(tolerance);
     char what[60];
     std::snprintf(what, sizeof what, "free block, tolerance %.0e", tolerance);
     Tell(what, error.relative);
     EXPECT_GT(error.peak_n, 0.1);
-    EXPECT_LT(error.relative, last);
-    last = error.relative;
+    EXPECT_LT(error.relative, 1e-11);
   }
 }
 
+// Newton's step stops at its tolerance, which is of the elastic forces.
 TEST(ToolForce, IsWhatWeightPinsAndMomentumLeaveToTheTolerance) {
   if (kSanitized) GTEST_SKIP() << "long; shorter runs of the same are in tests/engine";
   double last = 1;

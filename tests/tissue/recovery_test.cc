@@ -1,6 +1,5 @@
 #include <random>
 
-#include "tests/support/test_size.h"
 #include "tests/tissue/tissue_sample.h"
 
 // What was squashed, turned inside out or scrambled comes back.
