@@ -213,18 +213,14 @@ bool EdgePairs::Evaluate(const EdgePair& pair, const Crossing& crossing,
     return LeadsAway(b, b_closed && !as_sheets, from_b, position_m) &&
            LeadsAway(a, a_closed && !as_sheets, -from_b, position_m);
   };
-  if (faces(direction, false)) {
-    near->normal = direction;
-    near->gap_m = distance;
-  } else if (!own && (a_closed || b_closed || distance == 0) && faces(-direction, false)) {
-    near->normal = -direction;
-    near->gap_m = -distance;
-  } else if (!own && faces(direction, true)) {  // the back of a surface that has folded over
-    near->normal = direction;
-    near->gap_m = distance;
-  } else {
-    return false;
-  }
+  const bool apart = faces(direction, false);
+  if (!apart && own) return false;
+  const bool crossed =
+      !apart && (a_closed || b_closed || distance == 0) && faces(-direction, false);
+  // Else the back of a surface that has folded over.
+  if (!apart && !crossed && !faces(direction, true)) return false;
+  near->normal = crossed ? Vec3(-direction) : direction;
+  near->gap_m = crossed ? -distance : distance;
   near->ends = a.ends;
   near->s = crossing.s;
   near->triangle = b.triangle[0];

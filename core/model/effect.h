@@ -70,8 +70,8 @@ class Effect {
   // Adds to each particle an upper bound of the row sums of its stiffness [N/m] and damping [N
   // s/m]: the explicit stability bound comes from them.
   virtual void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const {}
-  // --- Stiffness, for implicit steps. An effect without it is explicit in them. Of one that has it,
-  // damping forces are linear in velocity: -D v with the D below.
+  // --- Stiffness, for implicit steps. An effect without it is explicit in them. Of one that has
+  // it, damping forces are linear in velocity: -D v with the D below.
   virtual bool has_stiffness() const { return false; }
   // Names every pair of particles whose forces depend on each other.
   virtual void AddPairs(BlockMatrix::Pattern* pattern) const {}

@@ -73,7 +73,7 @@ enum StepBit : std::uint32_t {
   kStepSubstepLimit = 1u << 4,   // something moved more than half a capture distance in a sub-step
   kStepZoneSplitForced = 1u << 5,    // tools or pins that disagree met in one zone; it was split
   kStepCandidateCapacity = 1u << 6,  // more near pairs than the engine reserved
-  kStepOverlap = 1u << 7,            // bodies that overlap since the start are being separated
+  kStepOverlap = 1u << 7,            // bodies that overlap are being separated
   kStepNotConverged = 1u << 8,       // the implicit solver stopped at its limit of iterations
 };
 

@@ -24,11 +24,12 @@ struct Bond {
   // +1: the particle is on the side that the triangle's normal points to. Edges: the cross product
   // of the edge (from particle to partner) and the triangle's (as it goes round) points to it.
   std::int8_t side = 1;
-  std::int8_t gap_sign = 1;         // -1: the particle was inside a closed body when captured
-  double gap_m = 0;                 // when captured; the zone keeps it
-  bool sticky = true;               // false: no strength (a tool's bare shaft)
-  bool sliding = false;             // its sides move along each other: no zone by it
-  std::int8_t calm = 0;             // sub-steps for which friction has held it, while it slides
+  std::int8_t gap_sign = 1;  // -1: the particle was inside a closed body when captured
+  double gap_m = 0;          // when captured; the zone keeps it
+  bool sticky = true;        // false: no strength (a tool's bare shaft)
+  bool sliding = false;      // its sides move along each other: no zone by it
+  // Sub-steps for which friction has held it, while it slides; -1: sticks, across patches too.
+  std::int8_t calm = 0;
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
 
   // True while both sides have members.
@@ -133,8 +134,8 @@ struct MomentumLedger {
 struct State {
   std::uint64_t step = 0;
   double time_s = 0;
-  std::vector<Vec3> position_m;    // [#particles] written by `move`
-  std::vector<Vec3> velocity_m_s;  // [#particles] written by `move` and `zones`
+  std::vector<Vec3> position_m;           // [#particles] written by `move`
+  std::vector<Vec3> velocity_m_s;         // [#particles] written by `move` and `zones`
   std::vector<Vec3> velocity_change_m_s;  // [#particles] in the last sub-step, written by `solve`:
                                           // where implicit steps start; empty in explicit ones
   std::vector<double>

@@ -163,12 +163,14 @@ TEST(TetBlock, RefusesTetrahedraThatMakeNoSense) {
     const Problems problems = ValidateScene(Parse("bodies { name: 'b' mass_kg: 1 " + body + "}"));
     return problems.empty() ? "" : problems[0].path + ": " + problems[0].message;
   };
-  EXPECT_NE(first("block { size_m: [1,1,1] } tetrahedra { cells: 2 } kind: BODY_KIND_RIGID").find("rigid"),
+  EXPECT_NE(first("block { size_m: [1,1,1] } tetrahedra { cells: 2 } kind: BODY_KIND_RIGID")
+                .find("rigid"),
             std::string::npos);
-  EXPECT_NE(first("tet_mesh { file: 'x' } tetrahedra { cells: 2 }").find("of its own"), std::string::npos);
-  EXPECT_NE(
-      first("sheet { length_m: 1 width_m: 1 columns: 2 rows: 2 } tetrahedra { cells: 2 }").find("no inside"),
-      std::string::npos);
+  EXPECT_NE(first("tet_mesh { file: 'x' } tetrahedra { cells: 2 }").find("of its own"),
+            std::string::npos);
+  EXPECT_NE(first("sheet { length_m: 1 width_m: 1 columns: 2 rows: 2 } tetrahedra { cells: 2 }")
+                .find("no inside"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -215,8 +215,8 @@ class Filler {
     std::array<std::vector<std::int32_t>, 5> labels;
     for (std::size_t s = 0; s < tetrahedron_of.size(); ++s) {
       const int i = static_cast<int>(s), k = tetrahedron_of[s];
-      const Vec3 at(i % along_, i / along_ % along_, i / along_ / along_);
-      const Vec3 in_cells = Vec3(x, y, z) + (at + Vec3::Constant(0.5)) / along_;
+      const auto [a, b, c] = Lattice::Split(i, along_, along_);
+      const Vec3 in_cells = Vec3(x, y, z) + Vec3(a + 0.5, b + 0.5, c + 0.5) / along_;
       const Vec3 point = lattice_.origin + lattice_.cell_m * in_cells;
       ++all[k];
       if (side_[cell] == kMixed && !IsInside(winding_, point)) continue;

@@ -28,8 +28,10 @@ struct Lattice {
 
   std::int32_t cell_count() const { return size[0] * size[1] * size[2]; }
   std::int32_t Cell(int x, int y, int z) const { return (z * size[1] + y) * size[0] + x; }
-  std::array<int, 3> CellAt(std::int32_t cell) const {
-    return {cell % size[0], cell / size[0] % size[1], cell / size[0] / size[1]};
+  std::array<int, 3> CellAt(std::int32_t cell) const { return Split(cell, size[0], size[1]); }
+  // A number of which x runs fastest, y next.
+  static std::array<int, 3> Split(std::int32_t number, int nx, int ny) {
+    return {number % nx, number / nx % ny, number / nx / ny};
   }
   // Nodes are numbered like the cells of a lattice that is one larger.
   std::int32_t node_count() const { return (size[0] + 1) * (size[1] + 1) * (size[2] + 1); }
@@ -41,8 +43,8 @@ struct Lattice {
     return Node(x + (corner & 1), y + (corner >> 1 & 1), z + (corner >> 2 & 1));
   }
   Vec3 NodePosition(std::int32_t node) const {
-    const int nx = size[0] + 1, ny = size[1] + 1;
-    return origin + cell_m * Vec3(node % nx, node / nx % ny, node / nx / ny);
+    const auto [x, y, z] = Split(node, size[0] + 1, size[1] + 1);
+    return origin + cell_m * Vec3(x, y, z);
   }
 };
 
