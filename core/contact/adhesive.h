@@ -129,6 +129,8 @@ class Adhesive {
   Bond BondOf(const NearEdges& near, const State& state) const;
   Bond BondOf(const NearPair& near) const;
   bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
+  bool MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
+                 int second) const;
   int HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const;
   // Adds the bond, or to that of the same features what it has more. True if anything is new.
   static bool Hold(Bond bond, Contacts* contacts, StepReport* report);

@@ -58,6 +58,19 @@ bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec
   return then < kKeep * capture_distance_m_ && then < now.gap_m - kApproach * capture_distance_m_;
 }
 
+// What touches in one zone cannot cross, nor can a bond change that: of an aggregate that is nearly
+// all, and told from what has any weight, before anything is computed.
+bool Adhesive::MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
+                         int second) const {
+  const int zone = contacts.zone_of[first];
+  if (zone < 0 || contacts.zone_of[second] != zone) return false;
+  const Triangle& tri = model_.triangles[triangle];
+  for (int k = 0; k < 3; ++k) {
+    if (weights(k) > 0 && contacts.zone_of[tri[k]] != zone) return false;
+  }
+  return true;
+}
+
 // All corners and ends that have any weight: what is left out could bring the surfaces nearer.
 int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const {
   const Triangle& tri = model_.triangles[bond.triangle];
@@ -66,7 +79,6 @@ int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const
   bond.holds_partner = bond.partner >= 0 && bond.partner_weight > 0;
   bond.sliding = false;
   bond.calm = ZoneBuilder::kAcrossPatches;
-  if (InOneZone(bond, *contacts)) return 0;
   const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
   if (at != contacts->bonds.end() && !KeyLess(bond, *at) && at->calm != bond.calm) {
     *at = bond;  // it slid, or held within its patch only
@@ -81,11 +93,13 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
   int captured = 0;
   for (const NearPair& pair : near) {
     if (pair.gap_m < 0) continue;  // inside a body: it may leave
+    if (MoveAsOne(*contacts, pair.triangle, pair.weights, pair.particle, pair.particle)) continue;
     const Bond bond = BondOf(pair);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }
   for (const NearEdges& pair : near_edges) {
     if (pair.gap_m < 0) continue;
+    if (MoveAsOne(*contacts, pair.triangle, pair.weights, pair.ends[0], pair.ends[1])) continue;
     const Bond bond = BondOf(pair, state);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }

@@ -68,7 +68,7 @@ Detector::Detector(const Model& model, double reach_m, const Options& options)
 
 void Detector::Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report) {
   bodies_.Update(position_m, parallel, report);
-  if (bodies_.any_stale()) Renew(position_m, report);
+  if (bodies_.any_stale()) Renew(position_m, parallel->simd(), report);
 }
 
 double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const Vec3> velocity_m_s,
@@ -110,15 +110,15 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
   return std::sqrt(fastest_sq);
 }
 
-void Detector::Renew(std::span<const Vec3> position_m, StepReport* report) {
+void Detector::Renew(std::span<const Vec3> position_m, Simd simd, StepReport* report) {
   if (groups_.crowded() || candidates_.crowded() || (edge_pairs_ && edge_pairs_->crowded())) {
     CopyLists();
   }
   for (BodyPair& pair : bodies_.pairs()) {
     if (!pair.stale) continue;
-    if (!List(&pair, position_m)) {
+    if (!List(&pair, position_m, simd)) {
       CopyLists();  // nobody refers to a stale pair's lists
-      if (!List(&pair, position_m)) report->bits |= kStepCandidateCapacity;
+      if (!List(&pair, position_m, simd)) report->bits |= kStepCandidateCapacity;
     }
     pair.stale = false;
   }
@@ -144,13 +144,32 @@ void Detector::CopyLists() {
 
 // Lists particles and edges of pair->body near those of pair->other. False when there is no room
 // for all.
-bool Detector::List(BodyPair* pair, std::span<const Vec3> position_m) {
-  const Aabb box = bodies_.BoxNow(pair->other).Grown(reach_m_ + skin_m_);
+bool Detector::List(BodyPair* pair, std::span<const Vec3> position_m, Simd simd) {
+  const double within = reach_m_ + skin_m_;
+  const bool own = pair->body == pair->other;
+  const Aabb box = bodies_.BoxNow(pair->other).Grown(within);
+  const std::span<const NearbyParticle> region = bodies_.region(*pair);
+  Aabb near_box;
+  for (const NearbyParticle& near : region) {
+    if (box.Contains(near.listed_m)) near_box.Add(near.listed_m);
+  }
+  boxes_.Clear();
+  bool few = true;
+  bodies_.Query(pair->other, near_box.Grown(within), [&](int t) {
+    Aabb around;
+    for (int p : model_.triangles[t]) around.Add(position_m[p]);
+    few = few && boxes_.Push(t, around);
+  });
   groups_.Begin();
   candidates_.Begin();
   bool room = true;
-  for (const NearbyParticle& near : bodies_.region(*pair)) {
-    if (room && box.Contains(near.listed_m)) room = ListGroup(near.particle, *pair, position_m);
+  for (const NearbyParticle& near : region) {
+    if (!room || !box.Contains(near.listed_m)) continue;
+    const Aabb around = Aabb{near.listed_m, near.listed_m}.Grown(within);
+    room = few ? ListGroup(near.particle, own, position_m,
+                           [&](const auto& visit) { boxes_.Query(simd, around, visit); })
+               : ListGroup(near.particle, own, position_m,
+                           [&](const auto& visit) { bodies_.Query(pair->other, around, visit); });
   }
   pair->groups = groups_.End();
   pair->candidates = candidates_.End();
@@ -160,20 +179,20 @@ bool Detector::List(BodyPair* pair, std::span<const Vec3> position_m) {
   }
   if (edge_pairs_ && pair->body <= pair->other) {
     RestNeighbours* rest = pair->body == pair->other ? rest_.get() : nullptr;
-    room &= edge_pairs_->List(pair, bodies_, rest, position_m);
+    room &= edge_pairs_->List(pair, bodies_, rest, position_m, simd);
   }
   return room;
 }
 
-// The triangles of pair.other near particle `p`.
-bool Detector::ListGroup(int p, const BodyPair& pair, std::span<const Vec3> position_m) {
+// The triangles near particle `p`, of those that query(visit) names; of its own body if `own`.
+template <typename Query>
+bool Detector::ListGroup(int p, bool own, std::span<const Vec3> position_m, const Query& query) {
   const Vec3& x = position_m[p];
   const double within = reach_m_ + skin_m_;
-  const bool own = pair.body == pair.other;
   const int first = candidates_.End().count;
   bool room = true;
   if (own) rest_->Of(p);
-  bodies_.Query(pair.other, Aabb{x, x}.Grown(within), [&](int t) {
+  query([&](int t) {
     const Triangle& tri = model_.triangles[t];
     const double distance_sq =
         ClosestPointOnTriangle(x, position_m[tri[0]], position_m[tri[1]], position_m[tri[2]])

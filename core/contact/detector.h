@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/contact/body_pairs.h"
+#include "core/contact/box_list.h"
 #include "core/contact/edge_pairs.h"
 #include "core/contact/list_store.h"
 #include "core/contact/rest_neighbours.h"
@@ -75,9 +76,10 @@ class Detector {
     ListSpan candidates;
     double nearer_m;  // by how much its sides may have come nearer since it was listed
   };
-  void Renew(std::span<const Vec3> position_m, StepReport* report);
-  bool List(BodyPair* pair, std::span<const Vec3> position_m);
-  bool ListGroup(int particle, const BodyPair& pair, std::span<const Vec3> position_m);
+  void Renew(std::span<const Vec3> position_m, Simd simd, StepReport* report);
+  bool List(BodyPair* pair, std::span<const Vec3> position_m, Simd simd);
+  template <typename Query>
+  bool ListGroup(int particle, bool own, std::span<const Vec3> position_m, const Query& query);
   void CopyLists();
   bool BelongTogether(int particle, int triangle) const;
   void CollectWork();
@@ -94,6 +96,7 @@ class Detector {
       across_;  // [#triangles] triangle across the edge k to k + 1, or -1
   ListStore<Group> groups_;
   ListStore<Candidate> candidates_;
+  BoxList boxes_;                    // of the other's triangles, in List()
   std::vector<Work> work_;           // ascending by (particle, body)
   std::vector<NearPair> evaluated_;  // [#work]
   std::vector<NearPair> near_;

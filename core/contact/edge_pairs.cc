@@ -57,26 +57,66 @@ EdgePairs::EdgePairs(const Model& model, double within_m)
   }
   first_edge_.push_back(static_cast<int>(edges_.size()));
   for (const Edge& edge : edges_) ends_.push_back(edge.ends);
+  int most = 0;
+  for (std::size_t b = 0; b < model.bodies.size(); ++b)
+    most = std::max(most, first_edge_[b + 1] - first_edge_[b]);
+  nearby_.reserve(most);
   work_.reserve(Capacity(model));
   crosses_.reserve(Capacity(model));
   near_.reserve(8 * model.rest_position_m.size() + 64);
 }
 
+Aabb EdgePairs::BoxOf(int edge, std::span<const Vec3> position_m) const {
+  const Vec3 &a = position_m[ends_[edge][0]], &b = position_m[ends_[edge][1]];
+  return {a.cwiseMin(b), a.cwiseMax(b)};
+}
+
+template <typename Visit>
+void EdgePairs::QueryEdges(const BodyPairs& bodies, int body, const Aabb& box,
+                           const Visit& visit) const {
+  bodies.Query(body, box, [&](int t) {
+    for (int edge : owned_[t]) {
+      if (edge >= 0) visit(edge);
+    }
+  });
+}
+
 bool EdgePairs::List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest,
-                     std::span<const Vec3> position_m) {
+                     std::span<const Vec3> position_m, Simd simd) {
   const Aabb near = bodies.BoxNow(pair->other).Grown(within_m_);
-  candidates_.Begin();
-  bool room = true;
+  nearby_.clear();
+  Aabb near_box;
   // Without a region nothing of the two is near.
   const int end = bodies.region(*pair).empty() ? 0 : first_edge_[pair->body + 1];
-  for (int e = first_edge_[pair->body]; e < end && room; ++e) {
-    const Vec3 &a0 = position_m[ends_[e][0]], &a1 = position_m[ends_[e][1]];
-    if (!near.Overlaps({a0.cwiseMin(a1), a0.cwiseMax(a1)})) continue;
+  for (int e = first_edge_[pair->body]; e < end; ++e) {
+    const Aabb box = BoxOf(e, position_m);
+    if (!near.Overlaps(box)) continue;
+    nearby_.push_back(e);
+    near_box.Add(box);
+  }
+  near_box = near_box.Grown(within_m_);
+  boxes_.Clear();
+  bool few = true;
+  QueryEdges(bodies, pair->other, near_box, [&](int e) {
+    const Aabb box = BoxOf(e, position_m);
+    if (few && near_box.Overlaps(box)) few = boxes_.Push(e, box);
+  });
+  candidates_.Begin();
+  bool room = true;
+  for (int e : nearby_) {
+    if (!room) break;
     if (rest) {
       rest->Of(edges_[e].ends[0]);
       rest->And(edges_[e].ends[1]);
     }
-    room = ListEdge(e, pair->other, bodies, rest, position_m);
+    const Aabb box = BoxOf(e, position_m).Grown(within_m_);
+    room = few ? ListEdge(e, rest, position_m,
+                          [&](const auto& visit) { boxes_.Query(simd, box, visit); })
+               : ListEdge(e, rest, position_m, [&](const auto& visit) {
+                   QueryEdges(bodies, pair->other, box, [&](int other) {
+                     if (box.Overlaps(BoxOf(other, position_m))) visit(other);
+                   });
+                 });
   }
   pair->edges = candidates_.End();
   const std::span<Candidate> found = candidates_[pair->edges];
@@ -86,22 +126,20 @@ bool EdgePairs::List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* re
   return room;
 }
 
-bool EdgePairs::ListEdge(int e, int body, const BodyPairs& bodies, const RestNeighbours* rest,
-                         std::span<const Vec3> position_m) {
+// The edges near edge `e`, of those that query(visit) names.
+template <typename Query>
+bool EdgePairs::ListEdge(int e, const RestNeighbours* rest, std::span<const Vec3> position_m,
+                         const Query& query) {
   const Vec3 &a0 = position_m[ends_[e][0]], &a1 = position_m[ends_[e][1]];
-  const Aabb box = Aabb{a0.cwiseMin(a1), a0.cwiseMax(a1)}.Grown(within_m_);
   bool room = true;
-  bodies.Query(body, box, [&](int t) {
-    for (int other : owned_[t]) {
-      // An edge of its own body: each pair once.
-      if (other < 0 || (rest && other <= e)) continue;
-      const Vec3 &b0 = position_m[ends_[other][0]], &b1 = position_m[ends_[other][1]];
-      if (!box.Overlaps({b0.cwiseMin(b1), b0.cwiseMax(b1)})) continue;
-      const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
-      if (distance_sq > within_m_ * within_m_) continue;
-      if (rest && BelongTogether(*rest, edges_[e], edges_[other])) continue;
-      room = room && candidates_.Push({e, other, NoMoreThan(std::sqrt(distance_sq))});
-    }
+  query([&](int other) {
+    // An edge of its own body: each pair once.
+    if (rest && other <= e) return;
+    const Vec3 &b0 = position_m[ends_[other][0]], &b1 = position_m[ends_[other][1]];
+    const double distance_sq = SegmentDistanceSq(a0, a1, b0, b1);
+    if (distance_sq > within_m_ * within_m_) return;
+    if (rest && BelongTogether(*rest, edges_[e], edges_[other])) return;
+    room = room && candidates_.Push({e, other, NoMoreThan(std::sqrt(distance_sq))});
   });
   return room;
 }
@@ -180,20 +218,23 @@ bool EdgePairs::LeadsAway(const Edge& edge, bool closed, const Vec3& direction,
                           std::span<const Vec3> position_m) const {
   const Vec3& corner = position_m[edge.ends[0]];
   const Vec3 along = position_m[edge.ends[1]] - corner;
-  Vec3 normal_sum = Vec3::Zero();
   for (int k = 0; k < 2 && edge.triangle[k] >= 0; ++k) {
     const Vec3 arm = position_m[edge.opposite[k]] - corner;
     // Across the edge into the face.
     const Vec3 inward = arm - (arm.dot(along) / along.squaredNorm()) * along;
     const double into = direction.dot(inward);
     if (into > 0 && into * into > kTolerance * kTolerance * inward.squaredNorm()) return false;
+  }
+  if (!closed) return true;
+  Vec3 normal_sum = Vec3::Zero();
+  for (int k = 0; k < 2 && edge.triangle[k] >= 0; ++k) {
     const Triangle& tri = model_.triangles[edge.triangle[k]];
     const Vec3 normal =
         (position_m[tri[1]] - position_m[tri[0]]).cross(position_m[tri[2]] - position_m[tri[0]]);
     const double length = normal.norm();
     if (length > 0) normal_sum += normal / length;
   }
-  return !closed || direction.dot(normal_sum) >= 0;
+  return direction.dot(normal_sum) >= 0;
 }
 
 bool EdgePairs::Evaluate(const EdgePair& pair, const Crossing& crossing,

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/contact/body_pairs.h"
+#include "core/contact/box_list.h"
 #include "core/contact/list_store.h"
 #include "core/contact/rest_neighbours.h"
 #include "core/model/frame.h"
@@ -41,7 +42,7 @@ class EdgePairs {
   // Lists the edges of pair->body within `within_m` of those of pair->other; where these are one
   // body, without what `rest` says never collides. False: there is no room for all.
   bool List(BodyPair* pair, const BodyPairs& bodies, RestNeighbours* rest,
-            std::span<const Vec3> position_m);
+            std::span<const Vec3> position_m, Simd simd);
   // As of a ListStore.
   bool crowded() const { return candidates_.crowded(); }
   void BeginCopy() { candidates_.BeginCopy(); }
@@ -68,8 +69,13 @@ class EdgePairs {
     std::int32_t a, b;
     float distance_m;  // when it was listed, or less
   };
-  bool ListEdge(int edge, int body, const BodyPairs& bodies, const RestNeighbours* rest,
-                std::span<const Vec3> position_m);
+  Aabb BoxOf(int edge, std::span<const Vec3> position_m) const;
+  // Calls visit(edge) for every edge of the body that may overlap `box`.
+  template <typename Visit>
+  void QueryEdges(const BodyPairs& bodies, int body, const Aabb& box, const Visit& visit) const;
+  template <typename Query>
+  bool ListEdge(int edge, const RestNeighbours* rest, std::span<const Vec3> position_m,
+                const Query& query);
   void MarkInside(int begin, int end, double reach_sq_m2, std::span<const Vec3> position_m);
   void CollectWork(const BodyPairs& bodies, double reach_m);
   bool BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const;
@@ -91,6 +97,8 @@ class EdgePairs {
   std::vector<std::array<std::int32_t, 2>> ends_;   // [#edges] the same, where many are looked at
   std::vector<std::int32_t> first_edge_;            // [#bodies + 1]
   std::vector<std::array<std::int32_t, 3>> owned_;  // [#triangles] edges it is the lowest of, -1
+  std::vector<std::int32_t> nearby_;                // edges of one body near another, in List()
+  BoxList boxes_;                                   // of the other's
   ListStore<Candidate> candidates_;                 // of two bodies each, by distance
   std::vector<EdgePair> work_;                      // edges that may be within reach
   std::vector<std::uint8_t> crosses_;               // [#work]

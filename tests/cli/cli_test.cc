@@ -32,13 +32,14 @@ std::string ReadAll(const std::string& path) {
   return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
 }
 
-Outcome Adhesim(const std::string& arguments) {
+Outcome Run(const std::string& program, const std::string& arguments) {
   const std::string out = TempFile("out"), err = TempFile("err");
-  const std::string command =
-      std::string(ADHESIM_PROGRAM) + " " + arguments + " >" + out + " 2>" + err + " </dev/null";
+  const std::string command = program + " " + arguments + " >" + out + " 2>" + err + " </dev/null";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(out), ReadAll(err)};
 }
+
+Outcome Adhesim(const std::string& arguments) { return Run(ADHESIM_PROGRAM, arguments); }
 
 std::string Scene(const std::string& text) {
   const std::string path = TempFile("scene.yaml");
@@ -243,6 +244,37 @@ TEST(Cli, RunStopsCleanlyOnInterrupt) {
   const int status = std::system(command.c_str());
   EXPECT_EQ(WEXITSTATUS(status), 130);
   EXPECT_EQ(Json::parse(ReadAll(out))["interrupted"], true);
+}
+
+// The program in a folder of its own, with what the shell script `bench` says as adhesim_bench;
+// without one if that is empty.
+std::string ProgramBeside(const std::string& bench) {
+  namespace fs = std::filesystem;
+  const fs::path folder = TempFile(bench.empty() ? "alone" : "beside");
+  fs::create_directories(folder);
+  fs::copy_file(ADHESIM_PROGRAM, folder / "adhesim", fs::copy_options::overwrite_existing);
+  if (!bench.empty()) {
+    std::ofstream(folder / "adhesim_bench") << "#!/bin/sh\n" << bench << "\n";
+    fs::permissions(folder / "adhesim_bench", fs::perms::owner_all);
+  }
+  return folder / "adhesim";
+}
+
+TEST(Cli, BenchIsTheProgramBesideItWithAllItsArgumentsAndItsExitCode) {
+  const std::string program =
+      ProgramBeside("for word in \"$@\"; do echo \"<$word>\"; done; exit 7");
+  const Outcome outcome = Run(program, "bench one --seconds 0.5 'two three' --help");
+  EXPECT_EQ(outcome.exit_code, 7) << outcome.err;
+  EXPECT_EQ(outcome.out, "<one>\n<--seconds>\n<0.5>\n<two three>\n<--help>\n");
+  EXPECT_EQ(Run(program, "bench --json file --help").out, "<--json>\n<file>\n<--help>\n");
+  EXPECT_EQ(Run(program, "bench").out, "");
+}
+
+TEST(Cli, BenchSaysWhereItsProgramIsMissing) {
+  const std::string program = ProgramBeside("");
+  const Outcome outcome = Run(program, "bench");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("cannot run " + program + "_bench"));
 }
 
 TEST(Cli, RunPrintsAFewLinesForPeople) {

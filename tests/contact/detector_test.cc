@@ -200,7 +200,9 @@ bodies:
       for (int p : pair.ends) {
         for (int k = 0; k < 3; ++k) {
           const int v = model->triangles[pair.triangle][k];
-          if (pair.weights(k) > 0) EXPECT_FALSE(WithinEdges(*model, p, v, 2));
+          if (pair.weights(k) > 0) {
+            EXPECT_FALSE(WithinEdges(*model, p, v, 2));
+          }
         }
       }
     }
@@ -246,7 +248,7 @@ bodies:
   - {name: plane, sheet: {length_m: 3, width_m: 3, columns: 8, rows: 8}, mass_kg: 1, position_m: [0, 0, -0.48]}
 )");
   const double reach = 0.1;
-  Detector detector(*model, reach, {.edges = true});
+  Detector detector(*model, reach, {.edges = true, .self_apart_m = std::nullopt});
   Parallel one(1), two(2);
   std::vector<Vec3> x = model->rest_position_m;
   std::vector<std::vector<MeshEdge>> edges;
@@ -307,7 +309,9 @@ bodies:
             EXPECT_NEAR(it->second->normal.dot(pa - pb), it->second->gap_m, 1e-12);
             EXPECT_NEAR(it->second->s, at(0), 1e-6);
             // cos of the tolerated angle, for the outer side.
-            if (it->second->gap_m > 0) EXPECT_GE(nearest, std::sqrt(1 - 0.01) - 1e-6);
+            if (it->second->gap_m > 0) {
+              EXPECT_GE(nearest, std::sqrt(1 - 0.01) - 1e-6);
+            }
           } else if (nearest > 1 - 1e-9) {
             // Nothing is nearer on this side, but both may be seen from inside a body.
             const auto outward = [&](const MeshEdge& edge, const Vec3& direction) {

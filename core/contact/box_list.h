@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "core/model/geometry.h"
+#include "core/model/simd.h"
+
+namespace adhesim {
+
+// Boxes around what of one body is near another, each with its number. Of two bodies, everything on
+// one side is looked for near everything on the other: with some dozens on each, comparing with all
+// boxes, a vector of them at once, takes a third of the time of as many walks down a tree.
+class BoxList {
+ public:
+  // What is more than this belongs into a tree; 6 KB a coordinate pair stay in the first cache.
+  static constexpr int kMost = 256;
+
+  void Clear() { count_ = 0; }
+  // False, and the list is of no use: there is more than kMost.
+  bool Push(std::int32_t number, const Aabb& box) {
+    if (count_ == kMost) return false;
+    number_[count_] = number;
+    for (int k = 0; k < 3; ++k) {
+      min_[k][count_] = box.min(k);
+      max_[k][count_] = box.max(k);
+    }
+    ++count_;
+    return true;
+  }
+
+  // Calls visit(number) for each whose box overlaps `box`, in the order in which they were pushed.
+  template <typename Visit>
+  void Query(Simd simd, const Aabb& box, const Visit& visit) {
+    RunSimd(simd, [&](auto) { Mark(box); });
+    for (int i = 0; i < count_; ++i) {
+      if (hit_[i]) visit(number_[i]);
+    }
+  }
+
+ private:
+  void Mark(const Aabb& box) {
+    const double x0 = box.min.x(), y0 = box.min.y(), z0 = box.min.z();
+    const double x1 = box.max.x(), y1 = box.max.y(), z1 = box.max.z();
+    const int count = count_;
+    for (int i = 0; i < count; ++i) {
+      hit_[i] = (min_[0][i] <= x1) & (x0 <= max_[0][i]) & (min_[1][i] <= y1) & (y0 <= max_[1][i]) &
+                (min_[2][i] <= z1) & (z0 <= max_[2][i]);
+    }
+  }
+
+  int count_ = 0;
+  std::array<std::int32_t, kMost> number_;
+  std::array<std::array<double, kMost>, 3> min_, max_;
+  std::array<std::int64_t, kMost> hit_;  // as wide as a coordinate: compilers vectorise that
+};
+
+}  // namespace adhesim
