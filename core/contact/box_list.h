@@ -9,11 +9,11 @@
 namespace adhesim {
 
 // Boxes around what of one body is near another, each with its number. Of two bodies, everything on
-// one side is looked for near everything on the other: with some dozens on each, comparing with all
-// boxes, a vector of them at once, takes a third of the time of as many walks down a tree.
+// one side is looked for near everything on the other: with some dozens on each, all boxes are
+// compared, a vector of them at once, in place of a walk down a tree for each.
 class BoxList {
  public:
-  // What is more than this belongs into a tree; 6 KB a coordinate pair stay in the first cache.
+  // What is more than this belongs into a tree; 15 KB stay in the first cache.
   static constexpr int kMost = 256;
 
   void Clear() { count_ = 0; }

@@ -32,14 +32,14 @@ std::string ReadAll(const std::string& path) {
   return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
 }
 
-Outcome Run(const std::string& program, const std::string& arguments) {
+Outcome CallProgram(const std::string& program, const std::string& arguments) {
   const std::string out = TempFile("out"), err = TempFile("err");
   const std::string command = program + " " + arguments + " >" + out + " 2>" + err + " </dev/null";
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(out), ReadAll(err)};
 }
 
-Outcome Adhesim(const std::string& arguments) { return Run(ADHESIM_PROGRAM, arguments); }
+Outcome Adhesim(const std::string& arguments) { return CallProgram(ADHESIM_PROGRAM, arguments); }
 
 std::string Scene(const std::string& text) {
   const std::string path = TempFile("scene.yaml");
@@ -263,16 +263,16 @@ std::string ProgramBeside(const std::string& bench) {
 TEST(Cli, BenchIsTheProgramBesideItWithAllItsArgumentsAndItsExitCode) {
   const std::string program =
       ProgramBeside("for word in \"$@\"; do echo \"<$word>\"; done; exit 7");
-  const Outcome outcome = Run(program, "bench one --seconds 0.5 'two three' --help");
+  const Outcome outcome = CallProgram(program, "bench one --seconds 0.5 'two three' --help");
   EXPECT_EQ(outcome.exit_code, 7) << outcome.err;
   EXPECT_EQ(outcome.out, "<one>\n<--seconds>\n<0.5>\n<two three>\n<--help>\n");
-  EXPECT_EQ(Run(program, "bench --json file --help").out, "<--json>\n<file>\n<--help>\n");
-  EXPECT_EQ(Run(program, "bench").out, "");
+  EXPECT_EQ(CallProgram(program, "bench --json file --help").out, "<--json>\n<file>\n<--help>\n");
+  EXPECT_EQ(CallProgram(program, "bench").out, "");
 }
 
 TEST(Cli, BenchSaysWhereItsProgramIsMissing) {
   const std::string program = ProgramBeside("");
-  const Outcome outcome = Run(program, "bench");
+  const Outcome outcome = CallProgram(program, "bench");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("cannot run " + program + "_bench"));
 }
