@@ -126,10 +126,8 @@ std::string Sheet(double width_m, int count, double force_n) {
          ", rows: " + std::to_string(count + 1) + "}, mass_kg: " + Number(force_n) + "}\n";
 }
 
-std::vector<int> Meshes() {
-  if (TestSize(0, 1) == 1) return {16, 24, 32, 48};
-  return {16, 24, 32};
-}
+// Two, three and four cells to the radius.
+const std::vector<int> kMeshes = {16, 24, 32};
 
 // Tells the forces over the closed form, and the order of their errors.
 double TellOrder(const std::string& what, const std::vector<int>& cells,
@@ -151,12 +149,12 @@ TEST(Indentation, OfAParaboloidFollowsHertz) {
   constexpr double kR_m = 10 * kRadius_m, kDepth_m = kRadius_m * kRadius_m / kR_m;
   const double force_n = 4.0 / 3 * kPlaneModulus_pa * std::sqrt(kR_m) * std::pow(kDepth_m, 1.5);
   std::vector<double> ratio;
-  for (int cells : Meshes()) {
+  for (int cells : kMeshes) {
     const Indentation indentation{cells, force_n, kDepth_m / 50, Sheet(4 * kRadius_m, 40, force_n),
                                   [](double x, double y) { return (x * x + y * y) / (2 * kR_m); }};
     ratio.push_back(std::pow(kDepth_m / indentation.Press(0.6).depth_m, 1.5));
   }
-  const double order = TellOrder("Hertz", Meshes(), ratio);
+  const double order = TellOrder("Hertz", kMeshes, ratio);
   // Too stiff, the less the finer; the radius of contact grows by whole cells, so that the order is
   // no smooth one. At four cells to the radius 5 per cent.
   EXPECT_GT(order, 1);
@@ -172,15 +170,15 @@ TEST(Indentation, OfASquarePunchFollowsItsClosedForm) {
   const double side_m = 2 * kRadius_m, depth_m = kRadius_m / 20;
   const double force_n = 1.0124 * 2 / std::sqrt(M_PI) * kPlaneModulus_pa * side_m * depth_m;
   std::vector<double> ratio;
-  for (int cells : Meshes()) {
+  for (int cells : kMeshes) {
     const Indentation indentation{cells, force_n, depth_m / 50, Sheet(side_m, cells / 4, force_n),
                                   [](double, double) { return 0.0; }};
     ratio.push_back(depth_m / indentation.Press(0.6).depth_m);
   }
-  const double order = TellOrder("square punch", Meshes(), ratio);
+  const double order = TellOrder("square punch", kMeshes, ratio);
   // Pressure goes to infinity at the punch's edge as r^(-1/2): linear elements miss energy in
-  // proportion to h. So order one.
-  EXPECT_NEAR(order, 1, 0.2);
+  // proportion to h. So order one; measured 1.08 to 1.18, by how long the punch has come to rest.
+  EXPECT_NEAR(order, 1, 0.3);
   EXPECT_LT(ratio[2], 1.1);
 }
 
@@ -192,7 +190,7 @@ TEST(Indentation, OfAToolsFlatEndFollowsItsClosedForm) {
   if (kSanitized) GTEST_SKIP() << "minutes; contact and solver are sanitized on smaller bodies";
   const double depth_m = kRadius_m / 20, start_m = depth_m / 25;
   const double force_n = 2 * kPlaneModulus_pa * kRadius_m * depth_m;
-  const std::vector<int> meshes = TestSize(0, 1) == 1 ? Meshes() : std::vector<int>{16, 24};
+  const std::vector<int> meshes = TestSize(0, 1) == 1 ? kMeshes : std::vector<int>{16, 24};
   std::vector<double> ratio;
   for (int cells : meshes) {
     const Indentation indentation{
