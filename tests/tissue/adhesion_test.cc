@@ -160,21 +160,20 @@ TEST(WorkOfAdhesion, OfAFlatPatchTakesTheLesserOfStrengthAndCrackTraction) {
 }
 
 // What holds as one zone lets go particle by particle. The sphere is rigid, so that the zone
-// hinders nothing that the sphere does not. Cells are a_0 / 2 and a_0 / 4 (and a_0 / 8 at full
-// size): the front of the crack is a staircase of a few particles, and each holds longer than a
-// smooth front would; the smaller the cells, the less. Above JKR, and falling towards it: that is
-// all that two meshes can tell.
-TEST(WorkOfAdhesion, OfASphereFallsTowardsJohnsonKendallAndRoberts) {
+// hinders nothing that the sphere does not. Measured on cells of a_0 / 2, a_0 / 4 and (full size)
+// a_0 / 8: 2.32, 1.63 and 0.86 of JKR. The front of the crack is a staircase of particles, and on
+// coarse meshes each holds longer than a smooth front would. Nearer to JKR on every finer mesh is
+// what is claimed; the values cross it, and where they end three meshes cannot tell.
+TEST(WorkOfAdhesion, OfASphereComesNearerToJohnsonKendallAndRobertsOnFinerMeshes) {
   if (kSanitized) GTEST_SKIP() << "long; shorter runs of the same are in tests/engine";
-  double coarser = 2.6;  // measured on a_0 / 2: 2.3
+  double away = 1.6;
   for (int cells = 10; cells <= TestSize(20, 40); cells *= 2) {
     const double over = PullOff{cells, ""}.Strongest() / kPullOff_n;
     Tell("mode R: pull-off over JKR, cells in a_0: " + std::to_string(cells / 5), over);
-    EXPECT_LT(over, coarser);
-    EXPECT_GT(over, 0.8);
-    coarser = over;
+    EXPECT_LT(std::abs(over - 1), away);
+    away = std::abs(over - 1);
   }
-  EXPECT_LT(coarser, 2);  // measured on a_0 / 4: 1.63
+  EXPECT_LT(away, 0.75);  // measured on a_0 / 4: 0.63
   // Patches of about a cell, each of a few particles, let go as wholes.
   for (int cells = 10; cells <= TestSize(0, 40); cells *= 2) {
     PullOff pull{cells, ""};
