@@ -66,6 +66,48 @@ TEST(ValidateScene, RefusesTheBorderAsAPartOfAVolume) {
   EXPECT_THAT(Described(scene), HasSubstr("regions[0].where: required"));
 }
 
+// Two blocks of tissue that stick; `block` is what the second one is.
+std::string WorkOfAdhesionProblems(const std::string& block, const std::string& effects) {
+  return Described(ParseScene(R"(
+bodies:
+  - {name: organ, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: {cells: 2}, density_kg_m3: 1000}
+  - {name: flap, block: {size_m: [0.1, 0.1, 0.1]}, position_m: [0, 0, 0.1], )" +
+                                  block + "}\neffects:\n" + effects,
+                              "tissue.yaml", "")
+                       .scene);
+}
+
+TEST(ValidateScene, AsksForTissueWhereAWorkOfAdhesionIsGiven) {
+  const std::string elastic = "  - elasticity: {young_modulus_pa: 5000}\n";
+  const std::string sticky =
+      "  - virtual_adhesive: {capture_distance_m: 0.001, work_of_adhesion_j_m2: 1}\n";
+  EXPECT_EQ(WorkOfAdhesionProblems("tetrahedra: {cells: 2}, density_kg_m3: 1000", elastic + sticky),
+            "");
+  EXPECT_EQ(WorkOfAdhesionProblems("kind: rigid, mass_kg: 1", elastic + sticky), "");
+  EXPECT_EQ(WorkOfAdhesionProblems("mass_kg: 1, fixed: [all: true]", elastic + sticky), "");
+  EXPECT_THAT(WorkOfAdhesionProblems("mass_kg: 1", elastic + sticky),
+              HasSubstr("effects[1].virtual_adhesive.work_of_adhesion_j_m2: needs the stiffness of "
+                        "body 'flap', which is a surface; permitted: bodies of tetrahedra"));
+  EXPECT_THAT(WorkOfAdhesionProblems("tetrahedra: {cells: 2}, density_kg_m3: 1000", sticky),
+              HasSubstr("virtual_adhesive.work_of_adhesion_j_m2: needs the effect elasticity"));
+}
+
+TEST(ValidateScene, AsksForTissueWhereAToolHasAWorkOfAdhesion) {
+  v1::Scene scene = Sample();
+  scene.mutable_tools(0)->mutable_adhesion()->set_work_of_adhesion_j_m2(1);
+  EXPECT_THAT(Described(scene),
+              HasSubstr("tools[0].adhesion.work_of_adhesion_j_m2: needs the stiffness of body"));
+}
+
+TEST(ValidateScene, RefusesAWorkOfAdhesionBesideKappa) {
+  EXPECT_THAT(
+      WorkOfAdhesionProblems("tetrahedra: {cells: 2}, density_kg_m3: 1000",
+                             "  - elasticity: {young_modulus_pa: 5000}\n"
+                             "  - virtual_adhesive: {capture_distance_m: 0.001, kappa_adh_m: "
+                             "1e-5, work_of_adhesion_j_m2: 1}\n"),
+      HasSubstr("work_of_adhesion_j_m2: lowers strengths in Pa, and kappa_adh_m is none"));
+}
+
 TEST(ValidateScene, RefusesReleaseBelowCapture) {
   v1::Scene scene = Sample();
   scene.mutable_effects(6)->mutable_virtual_adhesive()->set_release_distance_m(0.002);

@@ -1,0 +1,80 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "core/model/bond_geometry.h"
+
+namespace adhesim {
+namespace {
+
+// A particle of one body over a triangle of another, each with an area and a compliance of its own.
+struct Sides {
+  static constexpr double kWork_j_m2 = 0.3, kUpper_per_pa = 2e-4, kLower_per_pa = 5e-5;
+  Model model;
+  Bond bond;
+
+  Sides() {
+    model.triangles = {{1, 2, 3}};
+    model.area_m2 = {4e-6, 9e-6, 9e-6, 9e-6};
+    model.compliance_per_pa = {kUpper_per_pa, kLower_per_pa, kLower_per_pa, kLower_per_pa};
+    model.adhesive.emplace();
+    model.adhesive->work_of_adhesion_j_m2 = kWork_j_m2;
+    bond.particle = 0;
+    bond.triangle = 0;
+    bond.vertices = {1, 2, 3};
+  }
+};
+
+// sqrt(4 E* w / (pi h)) with 1 / E* the sum over the sides. Tolerance: a few roundings.
+double ClosedForm(double compliance_per_pa, double work_j_m2, double size_m) {
+  return std::sqrt(4 * work_j_m2 / (compliance_per_pa * std::numbers::pi * size_m));
+}
+
+TEST(CrackTraction, IsThatOfBothSidesComplianceAndOfItsMembersSize) {
+  const Sides sides;
+  const double both = Sides::kUpper_per_pa + Sides::kLower_per_pa;
+  EXPECT_NEAR(CrackTraction(sides.bond, 0, sides.model) / ClosedForm(both, Sides::kWork_j_m2, 2e-3),
+              1, 1e-14);
+  EXPECT_NEAR(CrackTraction(sides.bond, 2, sides.model) / ClosedForm(both, Sides::kWork_j_m2, 3e-3),
+              1, 1e-14);
+}
+
+TEST(CrackTraction, TakesARigidSideAsWithoutCompliance) {
+  Sides sides;
+  sides.model.compliance_per_pa[0] = 0;
+  for (const int member : {0, 1}) {
+    EXPECT_NEAR(CrackTraction(sides.bond, member, sides.model) /
+                    ClosedForm(Sides::kLower_per_pa, Sides::kWork_j_m2, member == 0 ? 2e-3 : 3e-3),
+                1, 1e-14);
+  }
+}
+
+TEST(CrackTraction, OfAToolsBondIsTheToolsOwnAndTheTissuesAlone) {
+  Sides sides;
+  sides.model.tools.emplace_back();
+  sides.bond.particle = -1;
+  sides.bond.tool = 0;
+  EXPECT_EQ(CrackTraction(sides.bond, 1, sides.model), std::numeric_limits<double>::infinity());
+  sides.model.tools[0].work_of_adhesion_j_m2 = 7;
+  EXPECT_NEAR(CrackTraction(sides.bond, 1, sides.model) / ClosedForm(Sides::kLower_per_pa, 7, 3e-3),
+              1, 1e-14);
+}
+
+TEST(CrackTraction, IsInfiniteWithoutAWorkOfAdhesion) {
+  Sides sides;
+  sides.model.adhesive->work_of_adhesion_j_m2.reset();
+  EXPECT_EQ(CrackTraction(sides.bond, 0, sides.model), std::numeric_limits<double>::infinity());
+}
+
+TEST(LimitOf, TakesTheLesserOfStrengthAndTraction) {
+  AdhesiveParameters adhesive;
+  adhesive.strength = {100, 300};
+  const BondLimit limit = LimitOf(adhesive, 2, 1, 200);
+  EXPECT_EQ(limit.normal_n, 200);  // its strength
+  EXPECT_EQ(limit.shear_n, 400);   // the crack's
+}
+
+}  // namespace
+}  // namespace adhesim
