@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <random>
 #include <vector>
 
 #include "core/solve/implicit_solver.h"
@@ -186,5 +187,25 @@ class SpringWorld {
     ++state.step;
   }
 };
+
+// A cloud of particles joined at random, moving at random; the last four may be fixed.
+inline SpringWorld Cloud(bool pins, double damping_n_s_m = 0, double length_m = 0) {
+  SpringWorld world;
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto vector = [&] { return Vec3(uniform(random), uniform(random), uniform(random)); };
+  for (int p = 0; p < 40; ++p) {
+    world.AddParticle(vector(), pins && p >= 36 ? Vec3(0, 0, 0) : vector(),
+                      1 + 0.5 * uniform(random), pins && p >= 36);
+  }
+  for (int i = 0; i < 40; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      const int j = (i + 1 + static_cast<int>(random() % 38)) % 40;
+      world.springs.springs.push_back(
+          {i, j, 500 * (1.5 + uniform(random)), damping_n_s_m, length_m});
+    }
+  }
+  return world;
+}
 
 }  // namespace adhesim::test

@@ -15,18 +15,6 @@ constexpr double kWork_j_m2 = 2 * kPlaneModulus_pa * kContact_m * kContact_m * k
                               (9 * M_PI * kRadius_m * kRadius_m);
 constexpr double kPullOff_n = 1.5 * M_PI * kWork_j_m2 * kRadius_m;
 
-// Displacement of a half space's point (z < 0: inside) under a force down at the origin (Johnson,
-// Contact Mechanics, 1985, eq. 3.18).
-Vec3 Boussinesq(const Vec3& x, double force_n) {
-  const double shear_pa = kYoung_pa / (2 * (1 + kPoisson));
-  const double z = -x.z(), away = x.norm(), r = x.head<2>().norm();
-  const double scale = force_n / (4 * M_PI * shear_pa * away);
-  const double outward = scale * (r * z / (away * away) - (1 - 2 * kPoisson) * r / (away + z));
-  const double down = scale * (z * z / (away * away) + 2 * (1 - kPoisson));
-  const Eigen::Vector2d radial = r > 0 ? Eigen::Vector2d(x.head<2>() / r) : Eigen::Vector2d::Zero();
-  return {outward * radial.x(), outward * radial.y(), -down};
-}
-
 struct PullOff {
   int cells;  // of the block, across its 5 a_0
   std::string adhesive;
@@ -99,7 +87,8 @@ struct PullOff {
       for (std::size_t p = 0; p < state.position_m.size(); ++p) {
         if (model.body_of[p] != 0 || !model.fixed[p]) continue;
         const Vec3 rest = model.rest_position_m[p];
-        state.position_m[p] = rest + Boussinesq(rest - Offset(), force_n) + Vec3(0, 0, depth_m);
+        state.position_m[p] =
+            rest + Boussinesq(rest - Offset(), force_n, kYoung_pa, kPoisson) + Vec3(0, 0, depth_m);
       }
       engine->Restore(state);
     };

@@ -18,17 +18,6 @@ constexpr double kWidth_m = 0.1, kRadius_m = kWidth_m / 8;  // a, the contact ra
 constexpr double kPoisson = 0.45, kYoung_pa = 5000;
 constexpr double kPlaneModulus_pa = kYoung_pa / (1 - kPoisson * kPoisson);  // E*: rigid indenter
 
-// Displacement of a half space's point (z < 0: inside) under a force down at the origin.
-Vec3 Boussinesq(const Vec3& x, double force_n) {
-  const double shear_pa = kYoung_pa / (2 * (1 + kPoisson));
-  const double z = -x.z(), away = x.norm(), r = x.head<2>().norm();
-  const double scale = force_n / (4 * M_PI * shear_pa * away);
-  const double outward = scale * (r * z / (away * away) - (1 - 2 * kPoisson) * r / (away + z));
-  const double down = scale * (z * z / (away * away) + 2 * (1 - kPoisson));
-  const Eigen::Vector2d radial = r > 0 ? Eigen::Vector2d(x.head<2>() / r) : Eigen::Vector2d::Zero();
-  return {outward * radial.x(), outward * radial.y(), -down};
-}
-
 std::string Number(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.9g", value);
@@ -94,7 +83,7 @@ struct Indentation {
       Vec3& x = start.position_m[p];
       if (model.body_of[p] != 0) continue;
       if (x.norm() < start.position_m[middle].norm()) middle = p;
-      if (model.fixed[p]) x += Boussinesq(x, force_n);
+      if (model.fixed[p]) x += Boussinesq(x, force_n, kYoung_pa, kPoisson);
     }
     engine->Restore(start);
     const auto depth_m = [&] {

@@ -145,6 +145,18 @@ inline Limit RichardsonLimit(double coarse, double middle, double fine) {
   return {fine + (fine - middle) / (ratio - 1), std::log2(ratio)};
 }
 
+// Displacement of a half space's point (z < 0: inside) under a force down at the origin (Johnson,
+// Contact Mechanics, 1985, eq. 3.18).
+inline Vec3 Boussinesq(const Vec3& x, double force_n, double young_pa, double poisson) {
+  const double shear_pa = young_pa / (2 * (1 + poisson));
+  const double z = -x.z(), away = x.norm(), r = x.head<2>().norm();
+  const double scale = force_n / (4 * M_PI * shear_pa * away);
+  const double outward = scale * (r * z / (away * away) - (1 - 2 * poisson) * r / (away + z));
+  const double down = scale * (z * z / (away * away) + 2 * (1 - poisson));
+  const Eigen::Vector2d radial = r > 0 ? Eigen::Vector2d(x.head<2>() / r) : Eigen::Vector2d::Zero();
+  return {outward * radial.x(), outward * radial.y(), -down};
+}
+
 // What a test measured, for its reader and for the test's XML.
 inline void Tell(const std::string& what, double value) {
   std::printf("  %-44s %.6g\n", what.c_str(), value);

@@ -1,0 +1,239 @@
+// The part of the solver that is about constraint rows, and sliding contacts in turns with them.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/model/carried.h"
+#include "core/solve/subspace_solver.h"
+
+namespace adhesim {
+namespace {
+
+constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
+constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
+constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
+constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
+constexpr int kSlideSweeps = 8;            // over the sliding contacts in one turn
+constexpr double kNearlyMet = 1e-10;       // relative volume; above it the step says so
+constexpr double kDiverged = 1e3;          // relative volume
+
+}  // namespace
+
+void SubspaceSolver::CollectRows(const State& state) {
+  for (const Effect* effect : constraints_)
+    effect->ConstraintGradients(state.position_m, gradient_);
+  GiveToCarriers(model_, gradient_);
+  for (int r = 0; r < rows_; ++r) {
+    double free = 0, all = 0;
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+      response_[p] = gradient_[p].cwiseProduct(per_kg_[p]);
+      const double mobility = gradient_[p].dot(response_[p]);
+      all += mobility;
+      if (state.contacts.zone_of[p] < 0) free += mobility;
+    }
+    diagonal_[r] = free;
+    movable_[r] = all;
+  }
+  on_zone_.clear();
+  for (int z = 0; z < static_cast<int>(groups_.size()); ++z) {
+    const RigidGroup& group = groups_[z];
+    if (group.driven() || group.freedom == RigidGroup::Freedom::kLocked) continue;
+    int row = -1;  // members ascend, and so do their rows
+    for (int p : Members(state.contacts, z)) {
+      if (row_of_[p] < 0 || model_.fixed[p]) continue;
+      if (row_of_[p] != row) {
+        row = row_of_[p];
+        on_zone_.push_back({row, z, Vec3::Zero(), Vec3::Zero()});
+      }
+      on_zone_.back().force += gradient_[p];
+      on_zone_.back().moment += (state.position_m[p] - group.pivot_m).cross(gradient_[p]);
+    }
+  }
+  preconditioner_ = diagonal_;
+  for (const RowOnZone& part : on_zone_) {
+    const Twist response = groups_[part.zone].Response(part.force, part.moment);
+    preconditioner_[part.row] +=
+        part.force.dot(response.linear_m_s) + part.moment.dot(response.angular_rad_s);
+  }
+  // A body whose every particle is held cannot change its volume: its row drops out.
+  for (int r = 0; r < rows_; ++r) {
+    if (!(preconditioner_[r] > 1e-12 * movable_[r])) preconditioner_[r] = 0;
+  }
+}
+
+// y = G W G^T x: the rows' mobility, through free particles and through zones that couple bodies.
+void SubspaceSolver::ApplyRows(std::span<const double> x, std::span<double> y) const {
+  for (int r = 0; r < rows_; ++r) y[r] = diagonal_[r] * x[r];
+  for (std::size_t i = 0; i < on_zone_.size();) {
+    const int zone = on_zone_[i].zone;
+    Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
+    std::size_t end = i;
+    for (; end < on_zone_.size() && on_zone_[end].zone == zone; ++end) {
+      if (preconditioner_[on_zone_[end].row] == 0) continue;
+      force += on_zone_[end].force * x[on_zone_[end].row];
+      moment += on_zone_[end].moment * x[on_zone_[end].row];
+    }
+    const Twist response = groups_[zone].Response(force, moment);
+    for (; i < end; ++i) {
+      y[on_zone_[i].row] += on_zone_[i].force.dot(response.linear_m_s) +
+                            on_zone_[i].moment.dot(response.angular_rad_s);
+    }
+  }
+}
+
+// Conjugate gradients with a diagonal preconditioner: one row a body, coupled through few zones.
+void SubspaceSolver::SolveRows(std::span<const double> rhs, std::span<double> x) {
+  const auto dot = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    double sum = 0;
+    for (int r = 0; r < rows_; ++r) sum += a[r] * b[r];
+    return sum;
+  };
+  const auto precondition = [&] {
+    for (int r = 0; r < rows_; ++r)
+      cg_z_[r] = preconditioner_[r] > 0 ? cg_r_[r] / preconditioner_[r] : 0;
+  };
+  for (int r = 0; r < rows_; ++r) {
+    x[r] = 0;
+    cg_r_[r] = preconditioner_[r] > 0 ? rhs[r] : 0;
+  }
+  precondition();
+  cg_p_ = cg_z_;
+  double rz = dot(cg_r_, cg_z_);
+  const double target = 1e-24 * rz;  // 1e-12 in the norm: the outer iteration does the rest
+  for (int iteration = 0; iteration < 4 * rows_ + 16 && rz > target && rz > 0; ++iteration) {
+    ApplyRows(cg_p_, cg_ap_);
+    const double curvature = dot(cg_p_, cg_ap_);
+    if (!(curvature > 0)) break;
+    const double alpha = rz / curvature;
+    for (int r = 0; r < rows_; ++r) {
+      x[r] += alpha * cg_p_[r];
+      cg_r_[r] -= preconditioner_[r] > 0 ? alpha * cg_ap_[r] : 0;
+    }
+    precondition();
+    const double next = dot(cg_r_, cg_z_);
+    for (int r = 0; r < rows_; ++r) cg_p_[r] = cg_z_[r] + (next / rz) * cg_p_[r];
+    rz = next;
+  }
+}
+
+void SubspaceSolver::AddMultipliers(std::span<const double> change) {
+  for (int r = 0; r < rows_; ++r) multiplier_[r] += change[r];
+  for (const RowOnZone& part : on_zone_) {
+    groups_[part.zone].AddImpulse(part.force * change[part.row], part.moment * change[part.row]);
+  }
+}
+
+// Ends the constraints' change at kicked_m_s_ (velocity form, notes 2.2).
+void SubspaceSolver::StopConstraints() {
+  for (int r = 0; r < rows_; ++r) {
+    residual_[r] = 0;
+    for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+      residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
+    }
+  }
+  SolveRows(residual_, change_);
+  AddMultipliers(change_);
+}
+
+void SubspaceSolver::MeetSlides(const State& state) {
+  for (int pass = 0; pass < kSlidePasses; ++pass) {
+    KickAll(state);
+    if (rows_ > 0) {
+      StopConstraints();
+      KickAll(state);
+    }
+    for (int sweep = 0; sweep < kSlideSweeps; ++sweep) slides_.Sweep(state, {kicked_m_s_, groups_});
+    // What the sweeps gave to free particles goes on from here.
+    for (int p : slides_.particles()) {
+      if (model_.fixed[p] || state.contacts.zone_of[p] >= 0) continue;
+      free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p).cwiseProduct(per_kg_[p]);
+    }
+  }
+}
+
+// The gradient is that of x_n, so that the error shrinks by a nearly constant factor. What the last
+// iteration left of a row's error is that factor: the sum of the series (Aitken) saves an
+// iteration.
+void SubspaceSolver::Extrapolate(int iteration) {
+  for (int r = 0; r < rows_; ++r) {
+    const double measured = residual_[r];
+    const double left = iteration > 0 && left_[r] != 0 ? measured / left_[r] : 0;
+    if (std::abs(left) < kFastConvergence) residual_[r] *= 1 / (1 - left);
+    left_[r] = measured;
+  }
+}
+
+// Largest error of a row at moved_m_, relative; residual_ becomes the speeds that would end them.
+double SubspaceSolver::MeasureRows(double dt_s) {
+  int first = 0;
+  for (const Effect* effect : constraints_) {
+    const std::size_t count = effect->constraints().size();
+    effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
+    first += static_cast<int>(count);
+  }
+  double worst = 0;
+  for (int r = 0; r < rows_; ++r) {
+    const double error = std::abs(residual_[r]) / row_[r].scale;
+    if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
+    residual_[r] /= -dt_s;
+  }
+  return worst;
+}
+
+// What turns far in a sub-step, or is nearly flat, may lead the iteration away: then the step takes
+// the best it has seen, at worst the one without a correction.
+void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* parallel,
+                                     StepReport* report) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int iteration = 0;; ++iteration) {
+    MoveAll(state, dt_s, parallel);
+    const double worst = MeasureRows(dt_s);
+    if (worst < least) {
+      least = worst;
+      best_ = multiplier_;
+    }
+    if (worst <= kConstraintTolerance) return;
+    // At the floor of round-off the error stops shrinking.
+    if (iteration == kConstraintIterations || !(worst < kDiverged)) {
+      if (!(least < kNearlyMet)) report->bits |= kStepVolumeNotMet;
+      if (worst == least) return;
+      for (int r = 0; r < rows_; ++r) change_[r] = best_[r] - multiplier_[r];
+      AddMultipliers(change_);
+      MoveAll(state, dt_s, parallel);
+      return;
+    }
+    Extrapolate(iteration);
+    SolveRows(residual_, change_);
+    AddMultipliers(change_);
+  }
+}
+
+void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
+  for (int iteration = 0; iteration < kConstraintIterations && rows_ > 0; ++iteration) {
+    int first = 0;
+    for (const Effect* effect : constraints_) {
+      effect->ConstraintGradients(position_m, gradient_);
+      GiveToCarriers(model_, gradient_);
+      const std::size_t count = effect->constraints().size();
+      effect->ConstraintResiduals(position_m, std::span(residual_).subspan(first, count));
+      first += static_cast<int>(count);
+    }
+    double worst = 0;
+    for (int r = 0; r < rows_; ++r) {
+      double mobility = 0;
+      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+        mobility += gradient_[p].cwiseProduct(per_kg_[p]).dot(gradient_[p]);
+      }
+      if (!(mobility > 0)) continue;
+      worst = std::max(worst, std::abs(residual_[r]) / row_[r].scale);
+      for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
+        position_m[p] -= residual_[r] / mobility * gradient_[p].cwiseProduct(per_kg_[p]);
+      }
+    }
+    Carry(model_, position_m);
+    if (worst <= kConstraintTolerance) return;
+  }
+}
+
+}  // namespace adhesim
