@@ -147,7 +147,7 @@ absl::Status Pipeline::ChooseSubsteps() {
     return absl::InvalidArgumentError(
         absl::StrCat("an explicit step of ", model_->dt_s, " s needs ", wanted,
                      " sub-steps to be stable; max_substeps permits ", model_->max_substeps,
-                     " (raise rate_hz or max_substeps, or lower stiffness_n_m)"));
+                     " (raise rate_hz or max_substeps, or lower the stiffness)"));
   }
   substeps_ = std::max(1, static_cast<int>(wanted));
   return absl::OkStatus();
