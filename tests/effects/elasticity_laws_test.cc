@@ -8,7 +8,6 @@
 
 #include "core/model/tissue.h"
 #include "tests/effects/tissue_forces.h"
-#include "tests/support/count_allocations.h"
 
 // Both laws against closed forms, and the materials of parts.
 namespace adhesim::test {
