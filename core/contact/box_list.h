@@ -44,8 +44,10 @@ class BoxList {
     const double x1 = box.max.x(), y1 = box.max.y(), z1 = box.max.z();
     const int count = count_;
     for (int i = 0; i < count; ++i) {
-      hit_[i] = (min_[0][i] <= x1) & (x0 <= max_[0][i]) & (min_[1][i] <= y1) & (y0 <= max_[1][i]) &
-                (min_[2][i] <= z1) & (z0 <= max_[2][i]);
+      const std::array<std::int64_t, 6> within = {min_[0][i] <= x1, x0 <= max_[0][i],
+                                                  min_[1][i] <= y1, y0 <= max_[1][i],
+                                                  min_[2][i] <= z1, z0 <= max_[2][i]};
+      hit_[i] = within[0] & within[1] & within[2] & within[3] & within[4] & within[5];
     }
   }
 
