@@ -7,6 +7,7 @@
 
 #include "core/contact/detector.h"
 #include "core/contact/rigid_interfaces.h"
+#include "core/model/bond_geometry.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -145,8 +146,7 @@ class Adhesive {
   bool LetGoBefore(const Bond& bond, const Contacts& contacts) const;
   static bool InOneZone(const Bond& bond, const Contacts& contacts);
   void Limits(int particle, const Bond& bond, const Vec3& normal, double scale);
-  void Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                 double most_pa, Limit* limit) const;
+  void Bear(int tool, const BondLimit& one, double scale, Limit* limit) const;
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
                        Zone* zone);

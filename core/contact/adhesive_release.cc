@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "core/contact/adhesive.h"
-#include "core/model/bond_geometry.h"
 #include "core/model/chance.h"
 
 namespace adhesim {
@@ -16,26 +15,18 @@ Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
   return GeometryOf(bond, model_, state.position_m).normal;
 }
 
-void Adhesive::Strengths(int tool, bool sticky, double area_m2, double mass_kg, double scale,
-                         double most_pa, Limit* limit) const {
-  BondLimit one = LimitOf(*model_.adhesive, area_m2, mass_kg, most_pa);
-  if (tool >= 0) {
-    const Strength strength = sticky ? model_.tools[tool].strength : Strength{0, 0};
-    one = {scale * std::min(strength.normal_pa, most_pa) * area_m2,
-           scale * std::min(strength.shear_pa, most_pa) * area_m2};
-  }
+void Adhesive::Bear(int tool, const BondLimit& one, double scale, Limit* limit) const {
   limit->may_slide = limit->may_slide && tool < 0 && model_.adhesive->friction_coefficient;
   // What has several bonds is held by its strongest.
-  limit->normal_n = std::max(limit->normal_n, one.normal_n);
-  limit->shear_n = std::max(limit->shear_n, one.shear_n);
+  limit->normal_n = std::max(limit->normal_n, scale * one.normal_n);
+  limit->shear_n = std::max(limit->shear_n, scale * one.shear_n);
 }
 
 void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double scale) {
   Limit& limit = limit_[particle];
   if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, true, false, false};
   limit.normal_sum += normal;
-  Strengths(bond.tool, bond.sticky, model_.area_m2[particle], model_.mass_kg[particle], scale,
-            CrackTraction(bond, particle, model_), &limit);
+  Bear(bond.tool, LimitOf(bond, particle, model_), scale, &limit);
 }
 
 void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
@@ -155,9 +146,8 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },
       [&](const RigidInterfaces::Cut& cut) {
         Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
-        Strengths(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg,
-                  cut.tool >= 0 ? strength_scale[cut.tool] : 1,
-                  std::numeric_limits<double>::infinity(), &limit);
+        Bear(cut.tool, LimitOf(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg, model_),
+             cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
         const Demand demand = DemandOn(limit, cut.load_n);
         contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
         const int first = contacts->zone_members[contacts->zones[cut.zone].first];

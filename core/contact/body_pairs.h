@@ -34,7 +34,7 @@ struct BodyPair {
   bool stale = true;                // its lists are to be made
   Vec3 apart_m = Vec3::Zero();      // other's mean motion less body's, when they were
   ListSpan region{};                // body's particles that may come within reach of `other`
-  BodyMotion motion;                // of the region since they were
+  BodyMotion motion{};              // of the region since they were
   double moved_m = 0;               // at most so much nearer have the two regions come since
   double nearest_m = 0;             // particle to triangle, when they were
   ListSpan groups{}, candidates{};  // of Detector

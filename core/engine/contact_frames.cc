@@ -30,13 +30,7 @@ void ContactFrames::AddMember(int p, const Bond& bond, std::span<const Vec3> loa
   }
   const double share = 1.0 / bonds_of_[p];
   side->force_n -= share * load_n[p];  // what carries the load
-  const double most_pa = CrackTraction(bond, p, model_);
-  BondLimit limit = LimitOf(*model_.adhesive, model_.area_m2[p], model_.mass_kg[p], most_pa);
-  if (bond.tool >= 0) {
-    const Strength strength = bond.sticky ? model_.tools[bond.tool].strength : Strength{0, 0};
-    limit = {std::min(strength.normal_pa, most_pa) * model_.area_m2[p],
-             std::min(strength.shear_pa, most_pa) * model_.area_m2[p]};
-  }
+  const BondLimit limit = LimitOf(bond, p, model_);
   side->normal_n += share * limit.normal_n;
   side->shear_n += share * limit.shear_n;
 }

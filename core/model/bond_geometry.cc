@@ -37,15 +37,23 @@ BondGeometry GeometryOf(const Bond& bond, const Model& model, std::span<const Ve
   return geometry;
 }
 
-BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg,
+BondLimit LimitOf(int tool, bool sticky, double area_m2, double mass_kg, const Model& model,
                   double most_pa) {
-  if (!adhesive.kappa) {
-    return {std::min(adhesive.strength.normal_pa, most_pa) * area_m2,
-            std::min(adhesive.strength.shear_pa, most_pa) * area_m2};
-  }
+  const auto from_area = [&](const Strength& strength) -> BondLimit {
+    return {std::min(strength.normal_pa, most_pa) * area_m2,
+            std::min(strength.shear_pa, most_pa) * area_m2};
+  };
+  if (tool >= 0) return sticky ? from_area(model.tools[tool].strength) : BondLimit{};
+  const AdhesiveParameters& adhesive = *model.adhesive;
+  if (!adhesive.kappa) return from_area(adhesive.strength);
   const double force =
       adhesive.kappa->kappa_adh_m * mass_kg / (adhesive.kappa->dt_ref_s * adhesive.kappa->dt_ref_s);
   return {force, force};
+}
+
+BondLimit LimitOf(const Bond& bond, int member, const Model& model) {
+  return LimitOf(bond.tool, bond.sticky, model.area_m2[member], model.mass_kg[member], model,
+                 CrackTraction(bond, member, model));
 }
 
 double CrackTraction(const Bond& bond, int member, const Model& model) {

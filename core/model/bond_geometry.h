@@ -20,16 +20,18 @@ Vec3 EdgeCross(const Bond& bond, const Model& model, std::span<const Vec3> posit
 
 BondGeometry GeometryOf(const Bond& bond, const Model& model, std::span<const Vec3> position_m);
 
-// The forces that the adhesive between bodies can carry on one colliding particle.
+// The forces that an adhesive can carry.
 struct BondLimit {
   double normal_n = 0;
   double shear_n = 0;
 };
 
-// From its area (a share of the surface) and the greatest traction there, or, with kappa_adh, from
-// its mass.
-BondLimit LimitOf(const AdhesiveParameters& adhesive, double area_m2, double mass_kg,
+// On a part of a surface: from its area and the greatest traction there, or, with kappa_adh, from
+// its mass. `tool`: what it is bonded to, -1: another body; a tool holds nothing where not sticky.
+BondLimit LimitOf(int tool, bool sticky, double area_m2, double mass_kg, const Model& model,
                   double most_pa = std::numeric_limits<double>::infinity());
+// On one particle that a bond holds.
+BondLimit LimitOf(const Bond& bond, int member, const Model& model);
 
 // The traction at which a crack with the work of adhesion w runs over a member of a bond, Pa: the
 // mean over its size h of what stands ahead of a crack's tip, sqrt(4 E* w / (pi h)) (physics notes

@@ -64,26 +64,15 @@ Material MaterialOf(const v1::Elasticity& elasticity, const Model& model, int te
   return material;
 }
 
-bool ActsOn(const v1::Elasticity& elasticity, const Body& body) {
-  const auto& names = elasticity.bodies();
-  const bool named = std::find(names.begin(), names.end(), body.scene_name) != names.end();
-  return body.tetrahedron_count > 0 && (names.empty() || named);
-}
-
 std::vector<double> CompliancesOf(const Model& model) {
   std::vector<double> sum(model.rest_position_m.size(), 0), count(sum.size(), 0);
   for (const v1::Effect& effect : model.scene.effects()) {
     if (!effect.has_elasticity()) continue;
-    for (const Body& body : model.bodies) {
-      if (!ActsOn(effect.elasticity(), body)) continue;
-      for (int t = body.first_tetrahedron; t < body.first_tetrahedron + body.tetrahedron_count;
-           ++t) {
-        const Material material = MaterialOf(effect.elasticity(), model, t);
-        for (const std::int32_t p : model.tetrahedra[t]) {
-          sum[p] +=
-              (1 - material.poisson_ratio * material.poisson_ratio) / material.young_modulus_pa;
-          ++count[p];
-        }
+    for (const std::int32_t t : TetrahedraOf(effect.elasticity(), model)) {
+      const Material material = MaterialOf(effect.elasticity(), model, t);
+      for (const std::int32_t p : model.tetrahedra[t]) {
+        sum[p] += (1 - material.poisson_ratio * material.poisson_ratio) / material.young_modulus_pa;
+        ++count[p];
       }
     }
   }

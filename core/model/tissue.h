@@ -32,9 +32,6 @@ int RegionOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedr
 // The material of a tetrahedron that the message acts on.
 Material MaterialOf(const v1::Elasticity& elasticity, const Model& model, int tetrahedron);
 
-// True when the effect's message acts on the body.
-bool ActsOn(const v1::Elasticity& elasticity, const Body& body);
-
 // [#particles] (1 - nu^2) / E of the tissue at each particle, the mean over its tetrahedra (carried
 // particles: over those of their carriers), 1/Pa; 0 where there is none: rigid.
 std::vector<double> CompliancesOf(const Model& model);

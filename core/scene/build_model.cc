@@ -231,6 +231,8 @@ bool NeedsCompliance(const Model& model) {
                      [](const ToolModel& tool) { return tool.work_of_adhesion_j_m2.has_value(); });
 }
 
+}  // namespace
+
 void BuildConnectivity(Model* model) {
   const int n = model->particle_count();
   IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
@@ -240,8 +242,6 @@ void BuildConnectivity(Model* model) {
   model->incident_start = std::move(incident.start);
   model->incident = std::move(incident.values);
 }
-
-}  // namespace
 
 BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   BuiltModel built;

@@ -20,4 +20,7 @@ struct BuiltModel {
 // `directory`. Reports every problem at once.
 BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory);
 
+// Finds the particles and triangles around every particle from the model's triangles.
+void BuildConnectivity(Model* model);
+
 }  // namespace adhesim

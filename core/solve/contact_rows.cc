@@ -65,16 +65,11 @@ ContactRows::Interface& ContactRows::InterfaceOf(const Bond& bond) {
 // carries, if both have any. Edges add none of their own.
 void ContactRows::ShareLimits(const State& state, double dt_s) {
   interfaces_.clear();
-  const auto limit_of = [&](const Bond& bond) {
-    const int p = bond.particle;
-    return LimitOf(*model_.adhesive, model_.area_m2[p], model_.mass_kg[p],
-                   CrackTraction(bond, p, model_));
-  };
   for (const Row& row : rows_) {
     const Bond& bond = state.contacts.bonds[row.bond];
     if (bond.partner >= 0 || !row.touches) continue;
     Interface& interface = InterfaceOf(bond);
-    const BondLimit limit = limit_of(bond);
+    const BondLimit limit = LimitOf(bond, bond.particle, model_);
     BondLimit& sum = interface.limit[model_.body_of[bond.particle] == interface.second];
     sum.normal_n += limit.normal_n;
     sum.shear_n += limit.shear_n;
@@ -88,7 +83,7 @@ void ContactRows::ShareLimits(const State& state, double dt_s) {
       const double both = x > 0 && y > 0 ? std::min(x, y) : x + y;
       return both > 0 ? one * both / (x + y) * dt_s : 0;
     };
-    const BondLimit limit = limit_of(bond);
+    const BondLimit limit = LimitOf(bond, bond.particle, model_);
     row.tension_ns = share(limit.normal_n, a.normal_n, b.normal_n);
     row.shear_ns = share(limit.shear_n, a.shear_n, b.shear_n);
   }

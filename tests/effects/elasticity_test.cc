@@ -36,19 +36,8 @@ TEST_P(ElasticLaw, ForceIsMinusTheGradientOfTheEnergy) {
   Tissue tissue(Block(GetParam()));
   tissue.Strew(0.02, &tissue.x);
   EXPECT_GT(tissue.Evaluate(), 0);
-  const std::vector<Vec3> force = tissue.force[0];
-  const double h = 1e-6;
-  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
-    for (int k = 0; k < 3; ++k) {
-      tissue.x[p](k) += h;
-      const double up = tissue.Evaluate();
-      tissue.x[p](k) -= 2 * h;
-      const double down = tissue.Evaluate();
-      tissue.x[p](k) += h;
-      // Central differences: round-off 1e-16 * 1 J / 1e-6 m, and h^2 E''' / 6 with E''' = 1 kPa.
-      EXPECT_NEAR(force[p](k), -(up - down) / (2 * h), 1e-8) << p << " " << k;
-    }
-  }
+  // Central differences: round-off 1e-16 * 1 J / 1e-6 m, and h^2 E''' / 6 with E''' = 1 kPa.
+  tissue.ExpectForceIsMinusTheGradient(1e-8);
 }
 
 TEST_P(ElasticLaw, ForcesFollowARotation) {
@@ -268,18 +257,8 @@ TEST(NeoHookean, IsPushedOpenWhereItIsNearlyAPoint) {
     opening += force[p].dot(kTurn * tissue.model->rest_position_m[p]);
   }
   EXPECT_GT(opening, 0);
-  const double h = 1e-6;
-  for (std::size_t p = 0; p < tissue.x.size(); ++p) {
-    for (int k = 0; k < 3; ++k) {
-      tissue.x[p](k) += h;
-      const double up = tissue.Evaluate();
-      tissue.x[p](k) -= 2 * h;
-      const double down = tissue.Evaluate();
-      tissue.x[p](k) += h;
-      // As above; energies of tens of J err by 1e-14 J over 1e-6 m.
-      EXPECT_NEAR(force[p](k), -(up - down) / (2 * h), 1e-6) << p << " " << k;
-    }
-  }
+  // As above; energies of tens of J err by 1e-14 J over 1e-6 m.
+  tissue.ExpectForceIsMinusTheGradient(1e-6);
 }
 
 TEST(NeoHookean, StiffnessIsTheDerivativeOfTheForceWhereNothingIsProjected) {

@@ -48,6 +48,22 @@ struct Tissue {
     }
     return dense;
   }
+  // By central differences, each component to `tolerance_n`.
+  void ExpectForceIsMinusTheGradient(double tolerance_n) {
+    Evaluate();
+    const std::vector<Vec3> elastic = force[0];
+    const double h = 1e-6;
+    for (std::size_t p = 0; p < x.size(); ++p) {
+      for (int k = 0; k < 3; ++k) {
+        x[p](k) += h;
+        const double up = Evaluate();
+        x[p](k) -= 2 * h;
+        const double down = Evaluate();
+        x[p](k) += h;
+        EXPECT_NEAR(elastic[p](k), -(up - down) / (2 * h), tolerance_n) << p << " " << k;
+      }
+    }
+  }
   void Strew(double amount, std::vector<Vec3>* what) {
     std::uniform_real_distribution<double> uniform(-amount, amount);
     for (Vec3& at : *what) at += Vec3(uniform(random), uniform(random), uniform(random));

@@ -69,11 +69,25 @@ TEST(CrackTraction, IsInfiniteWithoutAWorkOfAdhesion) {
 }
 
 TEST(LimitOf, TakesTheLesserOfStrengthAndTraction) {
-  AdhesiveParameters adhesive;
-  adhesive.strength = {100, 300};
-  const BondLimit limit = LimitOf(adhesive, 2, 1, 200);
+  Model model;
+  model.adhesive.emplace();
+  model.adhesive->strength = {100, 300};
+  const BondLimit limit = LimitOf(-1, true, 2, 1, model, 200);
   EXPECT_EQ(limit.normal_n, 200);  // its strength
   EXPECT_EQ(limit.shear_n, 400);   // the crack's
+}
+
+TEST(LimitOf, IsAToolsOwnAndNothingWhereItDoesNotStick) {
+  Sides sides;
+  sides.model.adhesive->strength = {1, 1};
+  sides.model.tools.emplace_back();
+  sides.model.tools[0].strength = {100, 300};
+  sides.bond.tool = 0;
+  const BondLimit limit = LimitOf(sides.bond, 1, sides.model);
+  EXPECT_EQ(limit.normal_n, 100 * 9e-6);
+  EXPECT_EQ(limit.shear_n, 300 * 9e-6);
+  sides.bond.sticky = false;
+  EXPECT_EQ(LimitOf(sides.bond, 1, sides.model).normal_n, 0);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 #include "core/scene/build_model.h"
 
-#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,17 +11,14 @@
 #include <vector>
 
 #include "core/scene/place_body.h"
+#include "tests/support/scene_of_text.h"
 
 namespace adhesim {
 namespace {
 
-v1::Scene Parse(const std::string& text) {
-  v1::Scene scene;
-  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(text, &scene));
-  return scene;
-}
+using test::SceneOfText;
 
-BuiltModel Build(const std::string& text) { return BuildModel(Parse(text), "."); }
+BuiltModel Build(const std::string& text) { return BuildModel(SceneOfText(text), "."); }
 
 // The model of a scene without problems.
 std::shared_ptr<const Model> ModelOf(const std::string& text) {

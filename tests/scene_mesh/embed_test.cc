@@ -2,7 +2,6 @@
 
 #include "core/scene/mesh/embed.h"
 
-#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,9 +18,12 @@
 #include "core/scene/mesh/topology.h"
 #include "core/scene/mesh/winding_number.h"
 #include "tests/scene_mesh/files.h"
+#include "tests/support/scene_of_text.h"
 
 namespace adhesim {
 namespace {
+
+using test::SceneOfText;
 
 TriangleMesh Reversed(TriangleMesh mesh) {
   for (Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
@@ -275,15 +277,13 @@ TEST(Embed, RefusesWhatEnclosesNothing) {
 }
 
 TEST(Embed, MakesABodyWhoseSurfaceIsCarried) {
-  v1::Scene scene;
-  ASSERT_TRUE(google::protobuf::TextFormat::ParseFromString(R"(
+  const v1::Scene scene = SceneOfText(R"(
     bodies { name: "a" icosphere { radius_m: 0.05 subdivisions: 3 } density_kg_m3: 1000
              tetrahedra { cells: 8 } velocity_m_s: [1, 2, 3]
              fixed { half_space { point_m: [0, 0, -0.02] normal: [0, 0, 1] } } }
     bodies { name: "b" icosphere { radius_m: 0.05 subdivisions: 4 } mass_kg: 3
              tetrahedra { cells: 3 } position_m: [1, 0, 0] rotation_deg: [30, 40, 50]
-             fixed { ball { centre_m: [1, 0, 0.05] radius_m: 0.005 } } })",
-                                                            &scene));
+             fixed { ball { centre_m: [1, 0, 0.05] radius_m: 0.005 } } })");
   const BuiltModel built = BuildModel(scene, ".");
   for (const Problem& p : built.problems) ADD_FAILURE() << p.path << ": " << p.message;
   ASSERT_NE(built.model, nullptr);

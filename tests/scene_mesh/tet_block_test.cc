@@ -1,6 +1,5 @@
 // Bodies of tetrahedra whose shape is a block: counts, volumes, masses and surface are known.
 
-#include <google/protobuf/text_format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,15 +10,12 @@
 #include "core/scene/mesh/check_mesh.h"
 #include "core/scene/mesh/lattice.h"
 #include "core/scene/validate.h"
+#include "tests/support/scene_of_text.h"
 
 namespace adhesim {
 namespace {
 
-v1::Scene Parse(const std::string& text) {
-  v1::Scene scene;
-  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(text, &scene));
-  return scene;
-}
+using test::SceneOfText;
 
 double VolumeOf(const TetMesh& mesh) {
   double sum = 0;
@@ -100,7 +96,7 @@ constexpr char kTwoBlocks[] = R"(
            position_m: [1, 0, 0] rotation_deg: [30, 40, 50] velocity_m_s: [1, 2, 3] })";
 
 TEST(TetBlock, BecomesABodyWithMassByVolume) {
-  const BuiltModel built = BuildModel(Parse(kTwoBlocks), ".");
+  const BuiltModel built = BuildModel(SceneOfText(kTwoBlocks), ".");
   for (const Problem& p : built.problems) ADD_FAILURE() << p.path << ": " << p.message;
   ASSERT_NE(built.model, nullptr);
   const Model& model = *built.model;
@@ -136,7 +132,7 @@ TEST(TetBlock, KeepsSurfaceEffectsOff) {
       std::string(kTwoBlocks) + R"(bodies { name: "s" icosphere { radius_m: 1 } mass_kg: 1 })";
   const auto problems = [&](const std::string& effects) {
     std::string text;
-    for (const Problem& p : ValidateScene(Parse(bodies + effects))) {
+    for (const Problem& p : ValidateScene(SceneOfText(bodies + effects))) {
       text += p.path + ": " + p.message + "\n";
     }
     return text;
@@ -160,7 +156,8 @@ TEST(TetBlock, KeepsSurfaceEffectsOff) {
 
 TEST(TetBlock, RefusesTetrahedraThatMakeNoSense) {
   const auto first = [](const std::string& body) {
-    const Problems problems = ValidateScene(Parse("bodies { name: 'b' mass_kg: 1 " + body + "}"));
+    const Problems problems =
+        ValidateScene(SceneOfText("bodies { name: 'b' mass_kg: 1 " + body + "}"));
     return problems.empty() ? "" : problems[0].path + ": " + problems[0].message;
   };
   EXPECT_NE(first("block { size_m: [1,1,1] } tetrahedra { cells: 2 } kind: BODY_KIND_RIGID")

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/model/model.h"
+#include "core/scene/build_model.h"
 #include "core/scene/mesh/topology.h"
 
 namespace adhesim::test {
@@ -111,12 +112,7 @@ inline std::shared_ptr<Model> ModelOf(const TetBlock& block) {
     const double area = AreaVector(x[a], x[b], x[c]).norm();
     for (int p : {a, b, c}) model->area_m2[p] += area / 3;
   }
-  IndexLists neighbours = VertexNeighbours(SortedSides(model->triangles), n);
-  model->neighbour_start = std::move(neighbours.start);
-  model->neighbours = std::move(neighbours.values);
-  IndexLists incident = IncidentTriangles(model->triangles, n);
-  model->incident_start = std::move(incident.start);
-  model->incident = std::move(incident.values);
+  BuildConnectivity(model.get());
   model->initial_velocity_m_s.assign(n, Vec3::Zero());
   model->fixed.assign(n, 0);
   model->body_of.assign(n, 0);
