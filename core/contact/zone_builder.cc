@@ -54,8 +54,9 @@ bool ZoneBuilder::Unite(int a, int b) {
 
 bool ZoneBuilder::UniteCarriers(int particle) {
   if (carried_.empty() || carried_[particle] < 0) return true;
-  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
-    if (!Unite(particle, carrier)) return false;
+  const CarriedParticle& c = model_.carried[carried_[particle]];
+  for (int k = 0; k < 4; ++k) {
+    if (c.weights[k] != 0 && !Unite(particle, c.carriers[k])) return false;
   }
   return true;
 }
@@ -67,8 +68,9 @@ bool ZoneBuilder::UniteMember(int anchor, int particle) {
 void ZoneBuilder::MarkMember(int particle) {
   member_[particle] = 1;
   if (carried_.empty() || carried_[particle] < 0) return;
-  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
-    member_[carrier] = 1;
+  const CarriedParticle& c = model_.carried[carried_[particle]];
+  for (int k = 0; k < 4; ++k) {
+    if (c.weights[k] != 0) member_[c.carriers[k]] = 1;
   }
 }
 

@@ -133,8 +133,9 @@ void Fix(const v1::Body& body, const Selection& on_border, const std::string& pa
     if (!any) problems->push_back({region_path, NothingSelected(body, region, placed, mesh)});
   }
   for (const CarriedParticle& c : mesh.carried) {
-    fixed[c.particle] = std::all_of(c.carriers.begin(), c.carriers.end(),
-                                    [&](std::int32_t carrier) { return fixed[carrier] == 1; });
+    bool held = true;
+    for (int k = 0; k < 4; ++k) held = held && (c.weights[k] == 0 || fixed[c.carriers[k]] == 1);
+    fixed[c.particle] = held;
   }
 }
 

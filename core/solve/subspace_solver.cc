@@ -194,7 +194,7 @@ void SubspaceSolver::ShareLoads(const Contacts& contacts) {
     for (const CarriedParticle& c : model_.carried) {
       if (contacts.zone_of[c.particle] < 0) continue;
       for (int k = 0; k < 4; ++k) {
-        visit(c, c.carriers[k], std::max(c.weights[k], 0.0) * model_.area_m2[c.particle]);
+        visit(c, c.carriers[k], std::abs(c.weights[k]) * model_.area_m2[c.particle]);
       }
     }
   };
