@@ -55,6 +55,7 @@ bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
     return false;
   }
   bond.calm = at->calm;
+  bond.Continue(*at);
   for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
   bond.holds_particle |= at->holds_particle;
   bond.holds_partner |= at->holds_partner;
@@ -134,7 +135,7 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
     // What may slide does no harm before it comes nearer.
     if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
     if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
-    Bond bond = BondOf(candidate);
+    Bond bond = BondOf(candidate, state.time_s);
     if (IsBonded(candidate, *contacts)) {
       if (bond.sliding) continue;  // FollowSliding keeps it where it touches
       // Something that is not a member brings them nearer all the same: a corner of little weight,
@@ -153,8 +154,9 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   return captured + apart + static_cast<int>(std::erase_if(contacts->bonds, passed));
 }
 
-Bond Adhesive::BondOf(const NearPair& near) const {
+Bond Adhesive::BondOf(const NearPair& near, double time_s) const {
   Bond bond;
+  bond.since_s = time_s;
   bond.particle = near.particle;
   bond.triangle = near.triangle;
   bond.side = near.side;
@@ -210,6 +212,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
   for (const NearTool& pair : near) {
     if (pair.gap_m >= capture_distance_m_ || !(pair.approaching || pair.gap_m < 0)) continue;
     Bond bond;
+    bond.since_s = state.time_s;
     bond.tool = pair.tool;
     bond.triangle = pair.triangle;
     bond.sticky = pair.sticky;
@@ -232,6 +235,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
       // The contact point may have moved: what it held, it keeps.
       for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
+      bond.Continue(*at);
       *at = bond;
       ++captured;
     } else {

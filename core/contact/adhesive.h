@@ -66,7 +66,7 @@ class Adhesive {
 
   // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
   // those that friction has stopped stick. Returns the number of changes.
-  int FollowSliding(std::span<const NearPair> near, Contacts* contacts);
+  int FollowSliding(std::span<const NearPair> near, double time_s, Contacts* contacts);
   // What became of the sliding bonds in the sub-step just done, by bond: see ContactRows.
   void EndSliding(int bond, bool held, bool parted, Contacts* contacts);
   // Removes the bonds that parted.
@@ -128,7 +128,7 @@ class Adhesive {
   int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
-  Bond BondOf(const NearPair& near) const;
+  Bond BondOf(const NearPair& near, double time_s) const;
   bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
   bool MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
                  int second) const;

@@ -41,6 +41,7 @@ int Adhesive::CaptureEdges(std::span<const NearEdges> near, const State& state, 
 
 Bond Adhesive::BondOf(const NearEdges& near, const State& state) const {
   Bond bond;
+  bond.since_s = state.time_s;
   bond.particle = near.ends[0];
   bond.partner = near.ends[1];
   bond.partner_weight = near.s;

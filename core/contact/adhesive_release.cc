@@ -147,7 +147,7 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       [&](const RigidInterfaces::Cut& cut) {
         Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
         Bear(cut.tool, LimitOf(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg, model_),
-             cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
+             cut.strength_scale * (cut.tool >= 0 ? strength_scale[cut.tool] : 1), &limit);
         const Demand demand = DemandOn(limit, cut.load_n);
         contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
         const int first = contacts->zone_members[contacts->zones[cut.zone].first];
@@ -188,6 +188,7 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
     } else if (slides && bond.Holds()) {
       bond.sliding = true;
+      bond.strength_scale = 1;
       bond.calm = 0;
       ShowMembers(&bond);
     }

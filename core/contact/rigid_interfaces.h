@@ -28,6 +28,7 @@ class RigidInterfaces {
     Vec3 load_n = Vec3::Zero();
     Vec3 normal_sum = Vec3::Zero();   // from the other side to the loaded one
     double area_m2 = 0, mass_kg = 0;  // of the side with the smaller area
+    double strength_scale = 1;        // mean of its bonds' over that area
     int tool = -1;                    // the tool of the interface, or -1
     bool sticky = true;
   };
@@ -81,21 +82,21 @@ class RigidInterfaces {
 template <typename NormalOf>
 void RigidInterfaces::Measure(int edge, const Contacts& contacts, const NormalOf& normal_of,
                               Cut* cut) {
-  double area[2] = {0, 0}, mass[2] = {0, 0};
-  const auto count = [&](int p) {
-    if (stamp_[p] == edge) return;
-    stamp_[p] = edge;
-    const int side = model_.body_of[p] == cut->node ? 0 : 1;
-    area[side] += model_.area_m2[p];
-    mass[side] += model_.mass_kg[p];
-  };
+  double area[2] = {0, 0}, mass[2] = {0, 0}, scaled[2] = {0, 0};
   for (std::size_t b = 0; b < contacts.bonds.size(); ++b) {
     if (edge_of_bond_[b] != edge) continue;
     const Bond& bond = contacts.bonds[b];
     // A bond's normal points to its particle; a tool's to the tissue.
     const bool towards = bond.tool >= 0 || model_.body_of[bond.particle] == cut->node;
     cut->normal_sum += towards ? normal_of(bond) : Vec3(-normal_of(bond));
-    bond.ForEachMember(count);
+    bond.ForEachMember([&](int p) {
+      if (stamp_[p] == edge) return;
+      stamp_[p] = edge;
+      const int side = model_.body_of[p] == cut->node ? 0 : 1;
+      area[side] += model_.area_m2[p];
+      mass[side] += model_.mass_kg[p];
+      scaled[side] += bond.strength_scale * model_.area_m2[p];
+    });
     if (bond.tool >= 0) {
       cut->tool = bond.tool;
       cut->sticky = bond.sticky;
@@ -104,6 +105,7 @@ void RigidInterfaces::Measure(int edge, const Contacts& contacts, const NormalOf
   const int weaker = cut->tool < 0 && area[1] < area[0] ? 1 : 0;
   cut->area_m2 = area[weaker];
   cut->mass_kg = mass[weaker];
+  if (area[weaker] > 0) cut->strength_scale = scaled[weaker] / area[weaker];
 }
 
 }  // namespace adhesim

@@ -179,7 +179,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
   if (!adhesive_) return;
   near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
   int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
-  changes += adhesive_->FollowSliding(near_, &state_.contacts);
+  changes += adhesive_->FollowSliding(near_, state_.time_s, &state_.contacts);
   changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
@@ -193,6 +193,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
     solver_->Capture(&state_, tool_impulse_);
   }
   clock_.Lap(zones_stage_);
+  if (strengths_scale_) ScaleStrengths();
 }
 
 void Pipeline::EndSliding() {

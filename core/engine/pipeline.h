@@ -53,6 +53,7 @@ class Pipeline : public Engine {
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
   void NameStages();
+  Engine::Stage EffectStage(std::size_t effect) const;
   void MakeStartState();
 
   int SubstepsNow();
@@ -61,6 +62,7 @@ class Pipeline : public Engine {
   void Substep(double dt_s);
   void Separate();
   void DetectAndCapture(double dt_s);
+  void ScaleStrengths();
   void EndSliding();
   double AddAllForces();
   void EvaluateForces();
@@ -83,6 +85,7 @@ class Pipeline : public Engine {
   StepReport report_;
 
   std::vector<std::unique_ptr<Effect>> effects_;
+  bool strengths_scale_ = false;         // one of them scales strengths
   std::vector<int> effect_state_first_;  // [#effects] into State::effect_state
   std::unique_ptr<Detector> detector_;   // null without contact
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
@@ -114,7 +117,14 @@ class Pipeline : public Engine {
   std::span<const Adhesive::NearTool> near_tools_;  // of this sub-step
 
   StageClock clock_;
-  std::vector<int> effect_stage_;  // [#effects]
+  std::vector<int> effect_stage_;         // [#effects], -1: it is part of others
+  std::vector<std::string> effect_path_;  // [#effects] in the scene
+  std::string adhesive_path_;             // likewise
+  // What compiling took from the heap; of effects with their state and force arrays.
+  struct StageBytes {
+    std::vector<std::size_t> effects;
+    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, book = 0;
+  } bytes_;
   int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
       book_stage_ = 0;
 };

@@ -7,6 +7,7 @@
 #include "core/model/model.h"
 #include "core/model/near_pair.h"
 #include "core/model/parallel.h"
+#include "core/model/state.h"
 
 namespace adhesim {
 
@@ -87,6 +88,13 @@ class Effect {
   // Numbers of State::effect_state that it keeps, and their values at the start.
   virtual int state_size() const { return 0; }
   virtual void InitialState(std::span<double> state) const {}
+
+  // --- Strength of adhesion.
+  // True: ScaleStrengths() is called in every sub-step once contacts are known.
+  virtual bool scales_strengths() const { return false; }
+  // Multiplies each Bond::strength_scale, which is 1 before the first effect, by a factor >= 0, and
+  // changes nothing else. `time_s` is that of the step's beginning, as in Bond::since_s.
+  virtual void ScaleStrengths(double time_s, std::span<Bond> bonds) const {}
 
   // --- Constraints.
   virtual std::span<const ConstraintRow> constraints() const { return {}; }

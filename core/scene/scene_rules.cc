@@ -2,11 +2,13 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
 #include <utility>
 
+#include "core/model/effect_name.h"
 #include "core/scene/did_you_mean.h"
 #include "core/scene/field_options.h"
 #include "core/scene/quantity.h"
@@ -256,6 +258,20 @@ void CheckMaterials(const v1::Elasticity& elasticity, const std::string& path, P
   }
 }
 
+// What the effect's message says that it needs beside it.
+void CheckNeeds(const v1::Scene& scene, const v1::Effect& effect, const std::string& path,
+                Problems* problems) {
+  const auto* kind = v1::Effect::descriptor()->FindFieldByName(EffectName(effect));
+  if (kind == nullptr) return;
+  const std::string& needed = kind->message_type()->options().GetExtension(v1::needs_effect);
+  const auto is_needed = [&](const v1::Effect& other) { return EffectName(other) == needed; };
+  if (needed.empty() || std::any_of(scene.effects().begin(), scene.effects().end(), is_needed)) {
+    return;
+  }
+  problems->push_back({absl::StrCat(path, ".", kind->name()),
+                       absl::StrCat("needs the effect ", needed, ", and the scene has none")});
+}
+
 void CheckEffects(const v1::Scene& scene, Problems* problems) {
   // The effect that acts on each body.
   std::map<std::string, int> shape_memory, volume_preservation, elasticity;
@@ -263,6 +279,7 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
   for (int i = 0; i < scene.effects_size(); ++i) {
     const v1::Effect& effect = scene.effects(i);
     const std::string path = IndexPath("effects", i);
+    CheckNeeds(scene, effect, path, problems);
     if (effect.has_shape_memory()) {
       ClaimBodies(scene, effect.shape_memory().bodies(), ActsOn::kSurfaces, path + ".shape_memory",
                   &shape_memory, i, problems);

@@ -314,8 +314,20 @@ TEST(Cli, ExplainsWhatASceneSwitchesOn) {
   const Json json = Json::parse(Adhesim("scene explain " + scene + " --json").out);
   EXPECT_EQ(json["effects"][2]["name"], "uniform_gravity");
   EXPECT_EQ(json["effects"][2]["line"], 8);
-  EXPECT_FALSE(json["stages"].empty());
-  EXPECT_EQ(json["left_out"].size(), 8u);
+  ASSERT_FALSE(json["stages"].empty());
+  for (const Json& stage : json["stages"]) {
+    EXPECT_FALSE(stage["asked_by"].empty()) << stage;
+    for (const Json& asked : stage["asked_by"]) EXPECT_GT(asked["line"], 0) << stage;
+  }
+  const auto gravity = std::find_if(json["stages"].begin(), json["stages"].end(),
+                                    [](const Json& s) { return s["name"] == "uniform_gravity"; });
+  ASSERT_NE(gravity, json["stages"].end());
+  EXPECT_EQ((*gravity)["asked_by"][0]["line"], 8);
+  // At least the force of every particle, and not more than a thousand times that.
+  EXPECT_GE((*gravity)["bytes"], 24 * json["particles"].get<int>());
+  EXPECT_LT((*gravity)["bytes"], 24000 * json["particles"].get<int>());
+  EXPECT_GT(json["engine_bytes"], (*gravity)["bytes"]);
+  for (const Json& effect : json["left_out"]) EXPECT_NE(effect["name"], "uniform_gravity");
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "core/contact/detector.h"
@@ -229,6 +230,35 @@ TEST_P(EffectBattery, ConstraintGradientIsTheDerivativeOfItsResidual) {
       EXPECT_NEAR(gradient[p](k), (up[0] - down[0]) / (2 * h),
                   1e-10);  // the volume is cubic: error h^2
     }
+  }
+}
+
+// A bond that has just taken hold is as strong as the adhesive says, and no factor is negative.
+TEST_P(EffectBattery, StrengthsAreScaledByFactorsThatBeginAtOne) {
+  if (!effect_->scales_strengths()) GTEST_SKIP() << "does not scale strengths";
+  const double now_s = 1e3;
+  std::vector<Bond> bonds(200);
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    bonds[b].since_s = now_s - std::pow(10, 0.05 * static_cast<double>(b) - 7);  // to 1e3 s
+  }
+  bonds[0].since_s = now_s;
+  bonds[1].sliding = true;
+  effect_->ScaleStrengths(now_s, bonds);
+  for (const Bond& bond : bonds) {
+    EXPECT_TRUE(std::isfinite(bond.strength_scale) && bond.strength_scale >= 0);
+  }
+  EXPECT_EQ(bonds[0].strength_scale, 1);
+  EXPECT_EQ(bonds[1].strength_scale, 1);
+  std::vector<Bond> doubled(bonds.size());
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    doubled[b].since_s = bonds[b].since_s;
+    doubled[b].sliding = bonds[b].sliding;
+    doubled[b].strength_scale = 2;  // another effect has been there
+  }
+  effect_->ScaleStrengths(now_s, doubled);
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    EXPECT_EQ(doubled[b].strength_scale,
+              2 * bonds[b].strength_scale);  // a power of two: no rounding
   }
 }
 
