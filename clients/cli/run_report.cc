@@ -146,6 +146,7 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},
                  {"finite", !engine.frozen()}};
+  if (engine.frozen()) report["frozen_because"] = engine.FrozenBecause();
   if (!model.tetrahedra.empty()) report["tetrahedra"] = model.tetrahedra.size();
   if (statistics.interrupted) report["interrupted"] = true;
   AddTimes(engine, options, statistics, &report);

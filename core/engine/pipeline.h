@@ -10,6 +10,7 @@
 #include "core/effects/registry.h"
 #include "core/engine/engine.h"
 #include "core/engine/frame_writer.h"
+#include "core/engine/freeze_cause.h"
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
@@ -34,6 +35,9 @@ class Pipeline : public Engine {
   const Model& model() const override { return *model_; }
   const State& state() const override { return state_; }
   bool frozen() const override { return frozen_; }
+  std::string FrozenBecause() const override {
+    return frozen_ ? WhyNotFinite(*model_, state_) : "";
+  }
   int substeps() const override { return substeps_; }
   void Reset() override { Restore(start_); }
   void Restore(const State& state) override;
