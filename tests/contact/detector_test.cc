@@ -218,7 +218,7 @@ bodies:
   - {name: a, icosphere: {radius_m: 0.5, subdivisions: 1}, mass_kg: 1}
   - {name: b, icosphere: {radius_m: 0.5, subdivisions: 1}, mass_kg: 1, position_m: [0.9, 0.1, 0.05]}
 )");
-  Detector detector(*model, 0.1, {.edges = true, .self_apart_m = std::nullopt});
+  Detector detector(*model, 0.2, {.edges = true, .self_apart_m = std::nullopt});
   Parallel one(1);
   std::vector<Vec3> x = model->rest_position_m;
   std::mt19937 random(11);
@@ -232,7 +232,7 @@ bodies:
     return Ends{pair.ends[0], pair.ends[1], other.at(0), other.at(1)};
   };
   int left_out = 0, kept = 0;
-  for (int step = 0; step < 30; ++step) {
+  for (int step = 0; step < 100; ++step) {
     for (Vec3& p : x) p += Vec3(uniform(random), uniform(random), uniform(random));
     std::vector<std::int32_t> moves_with(x.size());
     for (auto& zone : moves_with) zone = static_cast<int>(random() % 4 > 0) - 1;  // a quarter: -1
