@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -47,6 +48,7 @@ struct SessionFrame {
   std::uint64_t releases = 0;
   std::uint32_t report_bits = 0;
   v1::SessionState state = v1::SESSION_STATE_RUNNING;
+  std::string frozen_because;  // Engine::FrozenBecause(): what, where and when
   SessionTiming timing;
   std::int64_t published_ns = 0;
   std::uint64_t commands_done = 0;  // of those submitted
@@ -94,6 +96,7 @@ class Session {
     std::uint64_t step;
     double time_s;
     SessionTiming timing;
+    std::string frozen_because;
   };
 
   // `observer` outlives the session.

@@ -31,6 +31,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   calm_.reserve(4 * model.rest_position_m.size() + 64);
+  moves_with_.reserve(model.rest_position_m.size());
   told_.reserve(8 * model.rest_position_m.size() + 64);  // as the detector's
   kept_.reserve(4 * model.rest_position_m.size() + 64);
   edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
@@ -126,6 +127,8 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
+    // What moves as one does not approach.
+    if (!slides() && candidate.gap_m >= 0 && MoveAsOne(*contacts, candidate)) continue;
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];

@@ -94,7 +94,7 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
   int captured = 0;
   for (const NearPair& pair : near) {
     if (pair.gap_m < 0) continue;  // inside a body: it may leave
-    if (MoveAsOne(*contacts, pair.triangle, pair.weights, pair.particle, pair.particle)) continue;
+    if (MoveAsOne(*contacts, pair)) continue;
     const Bond bond = BondOf(pair, state.time_s);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }

@@ -198,9 +198,15 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
 
 int Adhesive::DropApart(std::span<const Vec3> position_m, Contacts* contacts) const {
   const bool patches = model_.adhesive->patch_size_m.has_value();
+  // Where zones neither begin after a move nor are taken apart by corrections.
+  const bool keeps_gaps = !slides() && !contacts->overlapping;
   return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) {
     if (bond.tool >= 0 || bond.sliding) return false;
-    // Where all that matters moves as one, so does the gap.
+    // Where all that matters moves as one, so does the gap: all that has any weight, or members.
+    if (keeps_gaps && MoveAsOne(*contacts, bond.triangle, Vec3(bond.weights.data()), bond.particle,
+                                bond.partner >= 0 ? bond.partner : bond.particle)) {
+      return false;
+    }
     bool whole = !patches && (bond.holds_particle || 1 - bond.partner_weight <= kMinWeight) &&
                  (bond.partner < 0 || bond.holds_partner || bond.partner_weight <= kMinWeight);
     for (int k = 0; k < 3; ++k)

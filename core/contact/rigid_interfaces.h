@@ -40,6 +40,7 @@ class RigidInterfaces {
   int Release(const Contacts& contacts, std::span<const Vec3> load_n, const NormalOf& normal_of,
               const Judge& judge, std::vector<std::uint8_t>* verdict) {
     int count = 0;
+    if (!any_rigid_) return count;
     CollectEdges(contacts);
     for (std::size_t e = 0; e < edges_.size(); ++e) {
       Cut cut;
@@ -72,6 +73,7 @@ class RigidInterfaces {
   void Measure(int edge, const Contacts& contacts, const NormalOf& normal_of, Cut* cut);
 
   const Model& model_;
+  bool any_rigid_ = false;                  // bodies, without which there are no interfaces
   std::vector<std::uint8_t> held_;          // [#bodies + #tools] fixed, or driven by a tool
   std::vector<Edge> edges_;                 // between any two nodes; sorted
   std::vector<std::int32_t> edge_of_bond_;  // [#bonds] or -1

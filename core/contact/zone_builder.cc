@@ -18,7 +18,7 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   old_zone_of_.resize(model.rest_position_m.size());
   if (model.adhesive && model.adhesive->patch_size_m) patch_.resize(model.rest_position_m.size());
   carried_ = CarriedIndex(model);
-  for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
+  for (auto* array : {&old_id_, &old_size_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
 }
 
@@ -74,7 +74,7 @@ void ZoneBuilder::MarkMember(int particle) {
   }
 }
 
-void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
+bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   std::iota(parent_.begin(), parent_.end(), 0);
   std::fill(prescriber_.begin(), prescriber_.end(), kNobody);
   std::fill(member_.begin(), member_.end(), 0);
@@ -88,9 +88,13 @@ void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   UniteMeshEdges();
   old_zone_of_ = contacts->zone_of;
   old_id_.clear();
-  for (const Zone& zone : contacts->zones) old_id_.push_back(zone.id);
+  old_size_.clear();
+  for (const Zone& zone : contacts->zones) {
+    old_id_.push_back(zone.id);
+    old_size_.push_back(zone.count);
+  }
   CollectZones(contacts);
-  KeepIds(contacts);
+  return KeepIds(contacts) < static_cast<int>(old_id_.size());
 }
 
 void ZoneBuilder::MarkPatches(const Contacts& contacts) {
@@ -229,7 +233,8 @@ void ZoneBuilder::CollectZones(Contacts* contacts) {
   }
 }
 
-void ZoneBuilder::KeepIds(Contacts* contacts) {
+int ZoneBuilder::KeepIds(Contacts* contacts) {
+  int whole = 0;
   const int old_count = static_cast<int>(old_id_.size());
   shared_.assign(old_count, 0);
   heir_.assign(old_count, -1);
@@ -249,7 +254,10 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
     }
     const int best_count = best >= 0 ? shared_[best] : 0;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      if (const int old = old_zone_of_[contacts->zone_members[k]]; old >= 0) shared_[old] = 0;
+      const int old = old_zone_of_[contacts->zone_members[k]];
+      if (old < 0) continue;
+      whole += shared_[old] == old_size_[old];
+      shared_[old] = 0;
     }
     // ... and the claimant with the most gets it (the first, if several).
     if (best >= 0 && best_count > heir_shared_[best]) {
@@ -264,6 +272,7 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
   for (Zone& zone : contacts->zones) {
     if (zone.id < 0) zone.id = contacts->next_zone_id++;
   }
+  return whole;
 }
 
 }  // namespace adhesim

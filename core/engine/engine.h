@@ -50,6 +50,9 @@ class Engine {
   virtual const Model& model() const = 0;
   virtual const State& state() const = 0;
   virtual bool frozen() const = 0;
+  // Why: what became non-finite, where and in which step; empty while the engine is not frozen.
+  // Allocates.
+  virtual std::string FrozenBecause() const { return ""; }
   // Sub-steps of a step by the stability bound (tools and fast particles may need more).
   virtual int substeps() const = 0;
   // Back to the start, or to any earlier state of this engine.

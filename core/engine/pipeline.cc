@@ -174,7 +174,7 @@ void Pipeline::Substep(double dt_s) {
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
   near_ = detector_->Find(state_.position_m, &parallel_);
-  near_edges_ = detector_->FindEdges(state_.position_m, &parallel_, &report_);
+  FindNearEdges();
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
   near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
@@ -188,10 +188,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
     near_tools_ = tool_contacts_->Find(state_, *detector_, retracted_, dt_s);
     changes += adhesive_->CaptureByTools(near_tools_, state_, &state_.contacts, &report_);
   }
-  if (changes > 0) {
-    zone_builder_->Rebuild(&state_.contacts, &report_);
-    solver_->Capture(&state_, tool_impulse_);
-  }
+  if (changes > 0) RenewZones();
   clock_.Lap(zones_stage_);
   if (strengths_scale_) ScaleStrengths();
 }
@@ -204,9 +201,7 @@ void Pipeline::EndSliding() {
   }
   const int parted = adhesive_->RemoveParted(&state_.contacts);
   report_.releases += parted;
-  if (parted == 0) return;
-  zone_builder_->Rebuild(&state_.contacts, &report_);
-  solver_->Capture(&state_, tool_impulse_);
+  if (parted > 0) RenewZones();
 }
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
@@ -376,6 +371,7 @@ void Pipeline::Solve(double dt_s) {
     }
     if (changes == 0) {
       releasing = false;
+      if (zones_parted_) FindNearEdges();  // those that moved as one are looked at too
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
       if (changes == 0) return;
@@ -384,9 +380,7 @@ void Pipeline::Solve(double dt_s) {
         return;
       }
     }
-    zone_builder_->Rebuild(&state_.contacts, &report_);
-    // Letting go changes no velocity; this only renews the zones' own momenta then.
-    solver_->Capture(&state_, tool_impulse_);
+    RenewZones();  // letting go changes no velocity, only the zones' own momenta
   }
 }
 
@@ -402,6 +396,7 @@ void Pipeline::Restore(const State& state) {
   state_ = state;
   frozen_ = false;
   has_forces_ = false;
+  solver_->Forget();
   if (force_error_) force_error_->Forget();
 }
 

@@ -10,6 +10,7 @@
 #include "core/effects/registry.h"
 #include "core/engine/engine.h"
 #include "core/engine/frame_writer.h"
+#include "core/engine/freeze_cause.h"
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
@@ -34,6 +35,9 @@ class Pipeline : public Engine {
   const Model& model() const override { return *model_; }
   const State& state() const override { return state_; }
   bool frozen() const override { return frozen_; }
+  std::string FrozenBecause() const override {
+    return frozen_ ? WhyNotFinite(*model_, state_) : "";
+  }
   int substeps() const override { return substeps_; }
   void Reset() override { Restore(start_); }
   void Restore(const State& state) override;
@@ -63,6 +67,16 @@ class Pipeline : public Engine {
   void Separate();
   void DetectAndCapture(double dt_s);
   void ScaleStrengths();
+  void FindNearEdges() {
+    std::span<const std::int32_t> moves_with;
+    if (adhesive_) moves_with = adhesive_->MovesWith(state_.contacts);
+    near_edges_ = detector_->FindEdges(state_.position_m, moves_with, &parallel_, &report_);
+    zones_parted_ = false;
+  }
+  void RenewZones() {
+    zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
+    solver_->Capture(&state_, tool_impulse_);
+  }
   void EndSliding();
   double AddAllForces();
   void EvaluateForces();
@@ -109,11 +123,12 @@ class Pipeline : public Engine {
   std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
   std::vector<Pose> tool_pose_;           // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
-  std::vector<ForceError::Bar> error_bar_;          // [#tools] mean over the step; empty likewise
-  std::vector<double> strength_scale_;              // [#tools]
-  std::vector<std::uint8_t> retracted_;             // [#tools]
-  std::span<const NearPair> near_;                  // of this sub-step
-  std::span<const NearEdges> near_edges_;           // of this sub-step
+  std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
+  std::vector<double> strength_scale_;      // [#tools]
+  std::vector<std::uint8_t> retracted_;     // [#tools]
+  std::span<const NearPair> near_;          // of this sub-step
+  std::span<const NearEdges> near_edges_;   // of this sub-step
+  bool zones_parted_ = false;               // zones have lost members since near_edges_ were found
   std::span<const Adhesive::NearTool> near_tools_;  // of this sub-step
 
   StageClock clock_;

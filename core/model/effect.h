@@ -30,6 +30,9 @@ struct ForceInput {
   // Particles within contact_reach_m() (or further) of other bodies, ascending by (particle, body);
   // of the beginning of the sub-step.
   std::span<const NearPair> near = {};
+  // An evaluation beside the step's own, such as of positions that an iteration tries: what
+  // remembers the past must not change.
+  bool trial = false;
 };
 
 // Where forces go: N, [#particles], already zero before the first effect adds to them. Only the

@@ -45,10 +45,10 @@ void CheckUniqueNames(const RepeatedPtrField<Named>& list, absl::string_view pat
 
 void CheckRegion(const v1::Region& region, const std::string& path, Problems* problems) {
   if (region.kind_case() == v1::Region::kAll && !region.all()) {
-    problems->push_back({path + ".all", "must be true; leave the region out to fix nothing"});
+    problems->push_back({path + ".all", "must be true; to select nothing leave the region out"});
   }
   if (region.kind_case() == v1::Region::kBorder && !region.border()) {
-    problems->push_back({path + ".border", "must be true; leave the region out to fix nothing"});
+    problems->push_back({path + ".border", "must be true; to select nothing leave the region out"});
   }
   const RepeatedField<double>& normal = region.half_space().normal();
   if (normal.size() == 3 && std::isfinite(Length(normal)) && Length(normal) <= 0) {
@@ -272,6 +272,25 @@ void CheckNeeds(const v1::Scene& scene, const v1::Effect& effect, const std::str
                        absl::StrCat("needs the effect ", needed, ", and the scene has none")});
 }
 
+// Nothing holds the particles of tetrahedra together but elasticity (`acted_on`: the bodies that
+// have it).
+void WarnOfDust(const v1::Scene& scene, const std::map<std::string, int>& acted_on,
+                Problems* problems) {
+  for (int i = 0; i < scene.bodies_size(); ++i) {
+    const v1::Body& body = scene.bodies(i);
+    const bool held = std::any_of(body.fixed().begin(), body.fixed().end(),
+                                  [](const v1::Region& region) { return region.all(); });
+    if (!Unfit(body, ActsOn::kTetrahedra).empty() || acted_on.contains(body.name()) || held)
+      continue;
+    problems->push_back(
+        {IndexPath("bodies", i) + (body.has_tet_mesh() ? ".tet_mesh" : ".tetrahedra"),
+         absl::StrCat("no effect holds the particles of body ", Quoted(body.name()),
+                      " together: each moves by itself, as dust; needed: the effect "
+                      "elasticity on this body"),
+         /*warning=*/true});
+  }
+}
+
 void CheckEffects(const v1::Scene& scene, Problems* problems) {
   // The effect that acts on each body.
   std::map<std::string, int> shape_memory, volume_preservation, elasticity;
@@ -307,6 +326,7 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
       CheckMuscle(scene, effect.muscle(), path + ".muscle", problems);
     }
   }
+  WarnOfDust(scene, elasticity, problems);
 }
 
 }  // namespace

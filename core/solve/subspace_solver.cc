@@ -212,6 +212,7 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
     slid_ = slides_.Judge(*state, {kicked_m_s_, groups_}, dt_s);
     for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
   }
+  gradients_known_ = false;
   state->position_m.swap(moved_m_);
   state->velocity_m_s.swap(moved_velocity_m_s_);
   StoreMomenta(state);
