@@ -30,6 +30,7 @@ struct Arguments {
   double measure_from_s = 0;
   double rate_hz = 0;
   int threads = 1;
+  int fidelity = 0;
   bool realtime = false;
   bool strict_realtime = false;
   std::string record;
@@ -66,6 +67,13 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
     return kExitBadInput;
   }
 
+  const int rungs = static_cast<int>((*engine)->rungs().size());
+  if (arguments.fidelity > rungs) {
+    std::cerr << "error: --fidelity " << arguments.fidelity << "; permitted for this scene: 0 to "
+              << rungs << "\n";
+    return kExitBadInput;
+  }
+  (*engine)->SetFidelity(arguments.fidelity);
   RunOptions options;
   options.steps = static_cast<std::uint64_t>(steps);
   options.measure_from = static_cast<std::uint64_t>(measure_from);
@@ -127,6 +135,10 @@ void AddRunCommand(CLI::App& app, int* exit_code) {
       ->add_option("--threads", arguments->threads,
                    "Threads that step; the result is the same for any number")
       ->check(CLI::Range(1, 64));
+  command
+      ->add_option("--fidelity", arguments->fidelity,
+                   "How many rungs of fidelity are given up to save time (docs/governor.md)")
+      ->check(CLI::Range(0, 100));
   command->add_flag("--realtime", arguments->realtime,
                     "Each step waits for its time; counts missed deadlines");
   command->add_flag("--strict-realtime", arguments->strict_realtime,

@@ -33,6 +33,7 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
   if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
   if (absl::Status status = pipeline->CompileTools(); !status.ok()) return status;
+  pipeline->CompileRungs();
   pipeline->NameStages();
   pipeline->MakeStartState();
   return pipeline;

@@ -25,6 +25,15 @@ struct ToolInput {
   bool retracted = false;  // true: let go of everything and touch nothing
 };
 
+// Something that steps can do without for a while, to save time (docs/governor.md).
+struct FidelityRung {
+  const char* name;  // a literal
+  // What it is expected to cost in accuracy, with the rungs before it: measured on this
+  // repository's scenes, or bounds that the rung keeps by itself.
+  double force_error;     // of a tool's force, part of its peak
+  double position_error;  // of surfaces, part of their body's size
+};
+
 // One scene in motion. Not thread-safe: one owner thread at a time.
 //
 // Step() allocates nothing, locks nothing, throws nothing, and gives the same bits for any number
@@ -46,6 +55,15 @@ class Engine {
   // trajectory). A non-finite state freezes the engine: the report says so, and from then on Step()
   // changes nothing.
   virtual StepReport Step(std::span<const ToolInput> tools) = 0;
+
+  // What can be given up, in the order in which it is; empty: nothing.
+  virtual std::span<const FidelityRung> rungs() const { return {}; }
+  // Gives up the first `rungs` of them (0: none, at most all) from the next step on. As much an
+  // input of the steps as tools are: the same ones at the same steps give the same bits. Reset()
+  // and Restore() leave it; after Restore() in the midst of lowered steps, bits are those of a
+  // first one.
+  virtual void SetFidelity(int /*rungs*/) {}
+  virtual int fidelity() const { return 0; }
 
   virtual const Model& model() const = 0;
   virtual const State& state() const = 0;

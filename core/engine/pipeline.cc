@@ -143,7 +143,9 @@ int Pipeline::SubstepsNow() {
   if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
   // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
   const double bounded = wanted <= model_->max_substeps ? wanted : model_->max_substeps;
-  return std::max(substeps_, static_cast<int>(std::ceil(bounded)));
+  const int substeps = std::max(substeps_, static_cast<int>(std::ceil(bounded)));
+  slow_ = 2 * wanted <= substeps;
+  return substeps;
 }
 
 void Pipeline::Substep(double dt_s) {
@@ -173,11 +175,14 @@ void Pipeline::Substep(double dt_s) {
 
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
-  near_ = detector_->Find(state_.position_m, &parallel_);
-  FindNearEdges();
+  const Search search = NextSearch();
+  if (search.particles) near_ = detector_->Find(state_.position_m, &parallel_);
+  if (search.edges) FindNearEdges();
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
-  near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
+  if (search.particles) {
+    near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
+  }
   int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
   changes += adhesive_->FollowSliding(near_, state_.time_s, &state_.contacts);
   changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
@@ -396,38 +401,10 @@ void Pipeline::Restore(const State& state) {
   state_ = state;
   frozen_ = false;
   has_forces_ = false;
+  searched_ = edges_next_ = false;
   solver_->Forget();
+  if (implicit_) implicit_->Forget();
   if (force_error_) force_error_->Forget();
-}
-
-double Pipeline::MechanicalEnergy() const {
-  // On copies: forces are evaluated for their energy only. Near pairs are those of now; finding
-  // them early changes no later step.
-  StepReport report;
-  std::span<const NearPair> near;
-  if (detector_) {
-    detector_->Update(state_.position_m, &parallel_, &report);
-    near = detector_->Find(state_.position_m, &parallel_);
-  }
-  std::array<std::vector<Vec3>, kForceKinds> force;
-  for (int kind = 0; kind < kForceKinds; ++kind)
-    force[kind].assign(force_n_[kind].size(), Vec3::Zero());
-  std::vector<double> effect_state = state_.effect_state;
-  const ForceOutput out{force[0], force[1], force[2], force[3]};
-  return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, near, out);
-}
-
-double Pipeline::SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
-                                  const ForceOutput& out) const {
-  double elastic_j = 0;
-  for (std::size_t e = 0; e < effects_.size(); ++e) {
-    const ForceInput in{
-        state_.position_m, state_.velocity_m_s,
-        state_.time_s,     effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
-        &parallel_,        near};
-    elastic_j += effects_[e]->AddForces(in, out);
-  }
-  return elastic_j;
 }
 
 Frame Pipeline::MakeFrame() const {

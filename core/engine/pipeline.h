@@ -32,6 +32,9 @@ class Pipeline : public Engine {
                                                          const Options& options);
 
   StepReport Step(std::span<const ToolInput> tools) override;
+  std::span<const FidelityRung> rungs() const override { return rungs_; }
+  void SetFidelity(int rungs) override;
+  int fidelity() const override { return fidelity_; }
   const Model& model() const override { return *model_; }
   const State& state() const override { return state_; }
   bool frozen() const override { return frozen_; }
@@ -54,6 +57,7 @@ class Pipeline : public Engine {
   absl::Status CompileEffects();
   absl::Status CompileImplicit();
   void CompileContact();
+  void CompileRungs();
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
   void NameStages();
@@ -77,6 +81,11 @@ class Pipeline : public Engine {
     zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
     solver_->Capture(&state_, tool_impulse_);
   }
+  // Which lists of what is near a sub-step makes anew; the other one is of the sub-step before.
+  struct Search {
+    bool particles, edges;
+  };
+  Search NextSearch();
   void EndSliding();
   double AddAllForces();
   void EvaluateForces();
@@ -96,6 +105,12 @@ class Pipeline : public Engine {
   bool frozen_ = false;
   bool has_forces_ = false;  // those of the last sub-step belong to `state_`
   int substeps_ = 1;
+  std::vector<FidelityRung> rungs_;  // by order; what each does is told by its name
+  int fidelity_ = 0;
+  bool search_in_turns_ = false;  // permitted by the fidelity
+  bool slow_ = false;             // two sub-steps bring nothing nearer than one may
+  bool searched_ = false;         // both lists are of this state or the one before
+  bool edges_next_ = false;
   StepReport report_;
 
   std::vector<std::unique_ptr<Effect>> effects_;

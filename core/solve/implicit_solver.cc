@@ -7,7 +7,6 @@
 namespace adhesim {
 namespace {
 
-constexpr int kNewtonIterations = 50;
 constexpr double kNewtonForcing = 1e-3;  // what a linear solve leaves of Newton's residual
 constexpr double kSlopeLeft = 0.2;       // of the slope at the start, where a line search ends
 constexpr int kSearchAttempts = 8;
@@ -92,7 +91,11 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   const ForceInput in{state.position_m, state.velocity_m_s, state.time_s,
                       effect_state_,    parallel,           near,
                       /*trial=*/true};
-  Assemble(in, dt_s);
+  if (++assembled_ago_ >= effort_.stiffness_every || assembled_dt_s_ != dt_s) {
+    Assemble(in, dt_s);
+    assembled_dt_s_ = dt_s;
+    assembled_ago_ = 0;
+  }
   SetScale(state, dt_s);
   if (explicit_n_.empty()) return;
   EvaluateStiff(in);
@@ -164,7 +167,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
   system_.Balance(change_m_s_, residual_ns_);
   StartFromLastChange(groups, state, parallel);
   const SubspaceSystem::Result result =
-      system_.Solve(std::max(model_.tolerance * scale, round_off_), model_.max_iterations,
+      system_.Solve(std::max(effort_.tolerance * scale, round_off_), model_.max_iterations,
                     change_m_s_, residual_ns_, parallel);
   iterations_ = result.iterations;
   system_.Balance(change_m_s_, residual_ns_);
@@ -261,9 +264,9 @@ void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s
                                  const State& state, Parallel* parallel, StepReport* report) {
   residual_sq_ = NewtonResidual(dt_s, state, parallel);
   const double target =
-      std::max(model_.tolerance * std::max(scale_, std::sqrt(residual_sq_)), round_off_);
+      std::max(effort_.tolerance * std::max(scale_, std::sqrt(residual_sq_)), round_off_);
   double last_descent = 0;
-  for (int k = 0; residual_sq_ > target * target && k < kNewtonIterations; ++k) {
+  for (int k = 0; residual_sq_ > target * target && k < effort_.newton_iterations; ++k) {
     Assemble({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_}, dt_s);
     system_.SetZones(state, groups);
     std::fill(newton_.begin(), newton_.end(), Padded{});

@@ -44,6 +44,17 @@ class ImplicitSolver {
   ImplicitSolver(const ImplicitSolver&) = delete;
   ImplicitSolver& operator=(const ImplicitSolver&) = delete;
 
+  // How much work a step is worth.
+  struct Effort {
+    double tolerance;
+    int newton_iterations;    // at most, of a step by Newton's method
+    int stiffness_every = 1;  // sub-steps from one assembly of A to the next; Newton: 1
+  };
+  Effort FullEffort() const { return {model_.tolerance, 50, 1}; }
+  void SetEffort(const Effort& effort) { effort_ = effort; }
+  // What is kept from earlier sub-steps is not of the state to come.
+  void Forget() { assembled_dt_s_ = 0; }
+
   // True where forces on the particle depend on others' positions.
   bool HasStiffness(int particle) const;
 
@@ -87,6 +98,9 @@ class ImplicitSolver {
 
   const Model& model_;
   std::vector<StiffEffect> effects_;
+  Effort effort_ = FullEffort();
+  double assembled_dt_s_ = 0;  // of A; 0: there is none
+  int assembled_ago_ = 0;      // sub-steps
   BlockMatrix matrix_;
   SubspaceSystem system_;
   std::vector<std::int32_t> diagonal_;  // [#particles] slots

@@ -10,7 +10,6 @@
 namespace adhesim {
 namespace {
 
-constexpr double kConstraintTolerance = 1e-13;  // relative volume; round-off of the volume is 1e-15
 constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an iteration: 3 is usual
 constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
@@ -196,7 +195,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
       least = worst;
       best_ = multiplier_;
     }
-    if (worst <= kConstraintTolerance) return;
+    if (worst <= constraint_tolerance_) return;
     // At the floor of round-off the error stops shrinking.
     if (iteration == kConstraintIterations || !(worst < kDiverged)) {
       if (!(least < kNearlyMet)) report->bits |= kStepVolumeNotMet;

@@ -29,6 +29,10 @@ class SubspaceSolver {
   // Adds to each tool [#tools] the impulse of the tissue on it, about its tip.
   void Capture(State* state, std::span<Wrench> tool_impulse);
 
+  // How exactly constraints are met, relative to their scale; kConstraintTolerance unless set.
+  static constexpr double kConstraintTolerance = 1e-13;  // round-off of a volume is 1e-15
+  void SetConstraintTolerance(double tolerance) { constraint_tolerance_ = tolerance; }
+
   // Forms the zones' groups: before a trial; `tool_twist` [#tools] about the tips.
   void FormGroups(const State& state, std::span<const Twist> tool_twist);
   // Tries a sub-step of `dt_s` under `force_n` [#particles].
@@ -101,6 +105,7 @@ class SubspaceSolver {
   const Model& model_;
   std::vector<const Effect*> constraints_;
   int rows_ = 0;
+  double constraint_tolerance_ = kConstraintTolerance;
   // Scratch, sized at construction.
   std::vector<Vec3> kicked_m_s_, moved_m_, moved_velocity_m_s_, load_n_, free_m_s_;  // [#particles]
   std::vector<Vec3> per_kg_;  // [#particles] 1 / mass, three times; 0 where fixed or carried
