@@ -209,6 +209,25 @@ TEST(Cli, RunReportsTheFieldsOfTheContract) {
   EXPECT_LE(report["momentum_error"]["angular"], 1e-10);
 }
 
+TEST(Cli, RunCountsTheStepsThatTheSolverLeftUnfinished) {
+  const std::string scene = TempFile("tissue.yaml");
+  std::ofstream(scene)
+      << "bodies:\n  - {name: b, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: {cells: 2}, "
+         "mass_kg: 1,\n     fixed: [half_space: {point_m: [0, 0, 0], normal: [0, 0, 1]}]}\n"
+         "effects:\n  - elasticity: {young_modulus_pa: 5000}\n  - uniform_gravity: {}\n";
+  const auto run = [&](const std::string& options) {
+    const Outcome outcome = Adhesim("run " + scene + " --steps 20 " + options);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+    return outcome.out;
+  };
+  EXPECT_EQ(Json::parse(run("--json"))["unconverged_steps"], 0);
+  const std::string one = "--set integration.max_iterations=1 ";
+  const Json report = Json::parse(run(one + "--json"));
+  EXPECT_EQ(report["unconverged_steps"], 20);
+  EXPECT_EQ(report["report"], Json({"not_converged"}));
+  EXPECT_NE(run(one).find("stopped at max_iterations in 20 steps"), std::string::npos);
+}
+
 TEST(Cli, RunGivesTheSameStateEachTimeAndAnotherWithAnotherSetting) {
   const std::string run = "run " + FallingScene() + " --steps 50 --json ";
   const auto hash = [](const Outcome& outcome) {

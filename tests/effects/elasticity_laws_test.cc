@@ -104,10 +104,10 @@ TEST(NeoHookean, HasNoMinimumButItsShape) {
 }
 
 TEST(NeoHookean, RecoversByTheCorotationalLawOnceItIsInsideOut) {
-  // Mirrored, the force is the corotational one; brought back to a strain of 10 %, it still is; and
-  // at 1 % the law is its own again.
-  Tissue tissue(OneTetrahedron(0.3));
-  auto other = OneTetrahedron(0.3);
+  // Without lambda, which is softened. Mirrored, the force is the corotational one; brought back to
+  // a strain of 10 %, it still is; and at 1 % the law is its own again.
+  Tissue tissue(OneTetrahedron(0));
+  auto other = OneTetrahedron(0);
   other->scene.mutable_effects(0)->mutable_elasticity()->set_model(v1::ELASTIC_MODEL_COROTATIONAL);
   Tissue corotational(other);
   const std::vector<Vec3> rest = tissue.x;

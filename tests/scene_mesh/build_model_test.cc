@@ -180,8 +180,8 @@ TEST(BuildModel, RefusesCellsOfNoSize) {
            "] } mass_kg: 1 tetrahedra { cells: 1 } }";
   };
   ExpectProblem(block("1e-10, 1e-10, 1e-10"), "bodies[0].block",
-                "its shortest edge is 1e-10 m; permitted: at least 1e-09 m");
-  EXPECT_NE(ModelOf(block("1e-8, 1e-8, 1e-8")), nullptr);
+                "its shortest edge is 1e-10 m; permitted: at least 1e-07 m");
+  EXPECT_NE(ModelOf(block("2e-7, 2e-7, 2e-7")), nullptr);
 }
 
 TEST(BuildModel, WarnsOfCellsWiderThanATool) {

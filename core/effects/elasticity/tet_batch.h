@@ -61,8 +61,8 @@ void NeoHookeanStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3>
 bool IsInsideOut(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
 // |F - R|^2 in one lane.
 double StrainSq(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
-// Replaces what the neo-Hookean law gave for one lane by what the corotational law gives; returns
-// |F - R|^2.
+// Replaces what the neo-Hookean law gave for one lane by the law of what recovers (README.md);
+// returns |F - R|^2.
 double SetRecoveryForces(const TetBatch& batch, int lane, std::span<const Vec3> position_m,
                          TetForces* out);
 void SetRecoveryStiffness(const TetBatch& batch, int lane, std::span<const Vec3> position_m,
