@@ -28,6 +28,8 @@ struct StressCase {
   // Declared invalid: part of the message with which it is refused when it is loaded.
   const char* refused = nullptr;
   bool one_setting = false;  // too large or too long for the matrix
+  // It fails at its own setting, and why: a finding that is not mended yet. It stays red.
+  const char* open = nullptr;
 };
 
 // In the order in which they are reported.

@@ -32,7 +32,8 @@ struct StressFigures {
   double sliding_share = 0;       // gained by sliding, over E_ref, its losses not counted
   double slid_share = 0;          // the sum of sliding's work over E_ref
   double capture_distance_m = 0;  // 0: no adhesive
-  double start_depth_m = 0, max_depth_m = 0, end_depth_m = 0;
+  double max_depth_m = 0, end_depth_m = 0;
+  double overlap_m = 0;      // most while bodies that overlap at the start come apart
   int pierced = 0;           // most triangles that tools' axes passed through
   double peak_force_n = 0;   // tissue on a tool, mean of a step
   double coupling_over = 0;  // coupling's force over its limit, most

@@ -108,7 +108,10 @@ class Writer {
       absl::StrAppend(&text_, ", tetrahedra: {cells: ", 1 + draw_.Below(3), "}");
       particles_ += 64;
       any_filled_ = true;
+    } else {
+      absl::StrAppend(&surfaces_, surfaces_.empty() ? "" : ", ", "b", index);
     }
+    if (!sheet) ++closed_;
     const int held = draw_.Below(8);
     const double mass_kg = draw_.Decades(0.001, 1);
     absl::StrAppendFormat(&text_, ", mass_kg: %.4g, position_m: %s, rotation_deg: %s", mass_kg,
@@ -166,10 +169,15 @@ class Writer {
           "stiffness_damping_s: %g}\n",
           draw_.Decades(100, 1e7), draw_.Of({0.0, 0.3, 0.45, 0.49}),
           draw_.Chance(0.7) ? "corotational" : "neo_hookean", draw_.Of({0.0, 0.001, 0.01}));
-    } else {
-      absl::StrAppendFormat(&text_, "  - shape_memory: {stiffness_n_m: %.4g, damping_n_s_m: %g}\n",
-                            draw_.Decades(1, 500), draw_.Of({0.0, 0.02, 0.1}));
-      if (draw_.Chance(0.5)) absl::StrAppend(&text_, "  - volume_preservation: {}\n");
+    }
+    if (!surfaces_.empty()) {
+      absl::StrAppendFormat(
+          &text_, "  - shape_memory: {bodies: [%s], stiffness_n_m: %.4g, damping_n_s_m: %g}\n",
+          surfaces_, draw_.Decades(1, 500), draw_.Of({0.0, 0.02, 0.1}));
+    }
+    // Tissue's nu says how incompressible it is; sheets have no volume.
+    if (!any_filled_ && closed_ > 0 && draw_.Chance(0.5)) {
+      absl::StrAppend(&text_, "  - volume_preservation: {}\n");
     }
     if (draw_.Chance(0.4)) absl::StrAppend(&text_, "  - uniform_gravity: {}\n");
     if (draw_.Chance(0.5)) {
@@ -209,7 +217,8 @@ class Writer {
   Draw draw_;
   std::uint64_t seed_;
   bool tissue_ = false, any_filled_ = false;
-  int rate_hz_ = 1000, particles_ = 0;
+  int rate_hz_ = 1000, particles_ = 0, closed_ = 0;
+  std::string surfaces_;  // names of bodies without tetrahedra
   std::vector<Vec3> placed_;
   std::string text_;
 };
