@@ -111,6 +111,7 @@ class Dials {
       : scene_(scene), model_(model), quick_(options.quick), implicit_(IsImplicit(model)) {
     own_.name = absl::StrCat("as it is: ", RateName(scene.rate_hz()));
     own_.integrator = implicit_ ? model.integrator : Integrator::kExplicit;
+    own_.method = IntegratorName(own_.integrator);
     own_.rate_hz = scene.rate_hz();
   }
 
@@ -148,6 +149,7 @@ class Dials {
       if (integrator == own_.integrator || ratio * scene_.rate_hz() < 1) return;
       AccuracySetting setting = AtRate(ratio);
       setting.integrator = integrator;
+      setting.method = IntegratorName(integrator);
       setting.name = absl::StrCat(IntegratorName(integrator), ", ", setting.name);
       setting.edits.push_back(IntegratorEdit(integrator));
       setting.work = ratio * work;
@@ -167,6 +169,7 @@ class Dials {
                        const std::string& said) const {
     AccuracySetting setting = AtRate(ratio);
     setting.name = absl::StrCat(setting.name, ", ", said, " ", value);
+    setting.method = absl::StrCat(setting.method, ", ", said, " ", value);
     setting.edits.push_back({"integration." + field, value});
     return setting;
   }
@@ -181,11 +184,12 @@ class Dials {
     add(1, 0.01);
     if (quick_) return dial;
     add(1, 0.1);
-    add(1, 1e-4);
-    for (const double ratio : {0.5, 0.25, 2.0}) {
-      add(ratio, 0.01);
-      add(ratio, 0.1);
+    // A long step is the poorer for what the solver leaves; a short one wants a better solver, or
+    // nothing is gained.
+    for (const double tolerance : {0.01, 1e-4, 0.1}) {
+      for (const double ratio : {0.5, 0.25, 2.0}) add(ratio, tolerance);
     }
+    add(1, 1e-4);
     return dial;
   }
 

@@ -27,6 +27,7 @@ struct AccuracySetting {
   std::string name;  // "100 Hz, tolerance 0.01"
   DialKind kind = DialKind::kNumerical;
   Integrator integrator = Integrator::kImplicit;
+  std::string method;  // what it has beside its rate: "implicit, tolerance 0.01"
   double rate_hz = 0;
   double work = 1;               // a guess of its cost over that of the scene as it is
   std::vector<SceneEdit> edits;  // of the scene as it is; none: that

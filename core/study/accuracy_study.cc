@@ -18,7 +18,7 @@
 namespace adhesim {
 namespace {
 
-constexpr double kDefaultSeconds = 2;
+constexpr double kDefaultSeconds = 4;
 constexpr int kInstants = 100;
 // Tolerances, unless others are asked for.
 constexpr double kPartOfMotion = 0.01, kPartOfPeak = 0.02, kShareOfObservables = 0.05;
@@ -241,19 +241,24 @@ class Study {
   void FitOrders() {
     if (study_.chaotic) return;
     const double band_m = study_.band ? study_.band->position_m.l2 : 0;
-    for (const Integrator integrator :
-         {Integrator::kExplicit, Integrator::kImplicit, Integrator::kNewton}) {
+    std::vector<std::string> methods;
+    for (const AccuracyPoint& point : study_.points) {
+      const std::string& method = point.setting.method;
+      if (std::find(methods.begin(), methods.end(), method) == methods.end()) {
+        methods.push_back(method);
+      }
+    }
+    for (const std::string& method : methods) {
       std::vector<double> dt_s, error_m;
       for (const AccuracyPoint& point : study_.points) {
-        if (point.dial != "rate" && point.dial != "integrator") continue;
-        if (point.setting.integrator != integrator || !point.error) continue;
+        if (point.setting.kind != DialKind::kNumerical || point.setting.method != method) continue;
         // Below the band the reference's own error is seen.
-        if (point.error->position_m.l2 <= band_m) continue;
+        if (!point.error || point.error->position_m.l2 <= band_m) continue;
         dt_s.push_back(1 / point.setting.rate_hz);
         error_m.push_back(point.error->position_m.l2);
       }
       const std::optional<FittedOrder> fit = FitOrder(dt_s, error_m);
-      if (fit) study_.orders.push_back({integrator, *fit, static_cast<int>(dt_s.size())});
+      if (fit) study_.orders.push_back({method, *fit, static_cast<int>(dt_s.size())});
     }
   }
 

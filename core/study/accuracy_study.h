@@ -15,7 +15,7 @@
 namespace adhesim {
 
 struct AccuracyOptions {
-  double seconds = 0;  // simulated; 0: until the last trajectory ends, or 2 s
+  double seconds = 0;  // simulated; 0: until the last trajectory ends, or 4 s
   int repeats = 3;     // of each setting, for its cost; interleaved
   bool quick = false;
   int threads = 1;
@@ -59,9 +59,9 @@ struct AccuracyPoint {
   std::optional<double> deflection_m;  // of a beam's end, at the end
 };
 
-// How fast the errors of an integrator fall with the step.
+// How fast the errors of a method fall with the step.
 struct AccuracyOrder {
-  Integrator integrator = Integrator::kImplicit;
+  std::string method;  // as in AccuracySetting
   FittedOrder fit;
   int points = 0;
 };

@@ -63,7 +63,7 @@ TEST(AccuracyStudy, FindsBackwardEulerToBeOfFirstOrder) {
   ASSERT_TRUE(study.second);
   EXPECT_FALSE(study.chaotic);
   ASSERT_FALSE(study.orders.empty());
-  EXPECT_EQ(study.orders[0].integrator, Integrator::kImplicit);
+  EXPECT_EQ(study.orders[0].method, "implicit");
   // Measured: 0.89.
   EXPECT_NEAR(study.orders[0].fit.order, 1, 0.15);
   // The engine at an eighth of the step has an eighth of the error.
