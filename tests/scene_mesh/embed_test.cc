@@ -27,6 +27,8 @@ namespace {
 using test::SceneOfText;
 // Subdivisions of spheres, and a quarter of the cells across.
 constexpr int kFine = kSanitized ? 2 : 3;
+// Cells where their size is no matter.
+constexpr int kFew = kSanitized ? 4 : 6;
 
 TriangleMesh Reversed(TriangleMesh mesh) {
   for (Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
@@ -165,30 +167,30 @@ TEST(Embed, FillsASphereEverMoreExactly) {
 
 TEST(Embed, KeepsTheSurfacesNumbersAndTurnsItOutward) {
   const TriangleMesh sphere = MakeIcosphere(0.05, 2);
-  const TetMesh mesh = Embedded(Reversed(sphere), 6);
+  const TetMesh mesh = Embedded(Reversed(sphere), kFew);
   ASSERT_EQ(VertexCount(mesh), sphere.vertices.size());
   for (std::size_t v = 0; v < sphere.vertices.size(); ++v) {
     EXPECT_EQ(mesh.surface.vertices[v], sphere.vertices[v]);
   }
   EXPECT_GT(MeanOutwardness(mesh, Vec3::Zero()), 0.95);
-  EXPECT_NEAR(FilledVolume(mesh), FilledVolume(Embedded(sphere, 6)), 1e-15);
+  EXPECT_NEAR(FilledVolume(mesh), FilledVolume(Embedded(sphere, kFew)), 1e-15);
   EXPECT_FALSE(mesh.warnings.empty());
   // Some triangles turned: a common flaw of files.
   TriangleMesh some = sphere;
   for (std::size_t t = 0; t < some.triangles.size(); t += 7) {
     std::swap(some.triangles[t][0], some.triangles[t][1]);
   }
-  const TetMesh mended = Embedded(some, 6);
+  const TetMesh mended = Embedded(some, kFew);
   EXPECT_GT(MeanOutwardness(mended, Vec3::Zero()), 0.95);
   EXPECT_NEAR(FilledVolume(mended), FilledVolume(mesh), 1e-15);
 }
 
 TEST(Embed, ClosesHoles) {
   const TriangleMesh sphere = MakeIcosphere(0.05, 3);
-  const double whole_m3 = FilledVolume(Embedded(sphere, 8));
+  const double whole_m3 = FilledVolume(Embedded(sphere, kSanitized ? 5 : 8));
   const TriangleMesh open = OpenAbove(sphere, 0.04);
   EXPECT_LT(open.triangles.size(), sphere.triangles.size());
-  const TetMesh mesh = Embedded(open, 8);
+  const TetMesh mesh = Embedded(open, kSanitized ? 5 : 8);
   // The missing cap is h^2 (3 R - h) pi / 3 = 2.8 % of the ball; the winding number closes the hole
   // somewhere within it.
   EXPECT_LT(FilledVolume(mesh), 1.01 * whole_m3);
@@ -230,7 +232,7 @@ TEST(Embed, LeavesOutWhatIsNoTriangleAndSaysSo) {
   sphere.vertices.emplace_back(1, 1, 1);
   sphere.triangles.push_back({0, 0, 1});
   sphere.triangles.push_back(sphere.triangles[3]);
-  const TetMesh mesh = Embedded(sphere, 6);
+  const TetMesh mesh = Embedded(sphere, kFew);
   EXPECT_EQ(VertexCount(mesh), 162u);
   EXPECT_EQ(mesh.surface.triangles.size(), 320u);
   EXPECT_EQ(mesh.warnings.size(), 3u);
@@ -417,7 +419,7 @@ TEST(Embed, KnowsTheTissuesOfTheRealLiver) {
 
 TEST(Embed, GivesTheSameBitsEachTime) {
   const TriangleMesh open = OpenAbove(MakeIcosphere(0.05, kFine), 0.03);
-  const TetMesh a = Embedded(open, 7), b = Embedded(open, 7);
+  const TetMesh a = Embedded(open, kFew), b = Embedded(open, kFew);
   EXPECT_EQ(a.surface.vertices, b.surface.vertices);
   EXPECT_EQ(a.fill, b.fill);
 }

@@ -219,14 +219,13 @@ void ElasticityEffect::EvaluateBatch(int b, const ForceInput& in, TetForces* for
 // What touches a tetrahedron that recovers, and is strained itself, recovers with it: it could hold
 // the other in a tangle.
 void ElasticityEffect::SpreadRecovery(const ForceInput& in) const {
+  const auto does = [](double recovers) { return recovers != 0; };
+  if (std::none_of(in.effect_state.begin(), in.effect_state.end(), does)) return;
   std::fill(recovers_.begin(), recovers_.end(), 0);
-  bool any = false;
   for (int t = 0; t < tet_count_; ++t) {
     if (in.effect_state[t] == 0) continue;
-    any = true;
     for (const auto& corner : batch_[t / kLanes].particle) recovers_[corner[t % kLanes]] = 1;
   }
-  if (!any) return;
   for (int t = 0; t < tet_count_; ++t) {
     const TetBatch& batch = batch_[t / kLanes];
     const int lane = t % kLanes;
