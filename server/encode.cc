@@ -83,6 +83,19 @@ void EncodeContact(const ContactFrame& contact, v1::ContactState* message) {
   if (contact.tool >= 0) message->set_tool(contact.tool);
 }
 
+void EncodeFidelity(const SessionFidelity& fidelity, v1::FidelityState* message) {
+  message->set_rungs(fidelity.rungs);
+  message->clear_lowered();
+  for (int r = 0; r < fidelity.rungs; ++r) message->add_lowered(fidelity.lowered[r].name);
+  // A rung's errors are those with all before it.
+  const FidelityRung last =
+      fidelity.rungs > 0 ? fidelity.lowered[fidelity.rungs - 1] : FidelityRung{};
+  message->set_expected_force_error(last.force_error);
+  message->set_expected_position_error(last.position_error);
+  message->set_changes(fidelity.changes);
+  message->set_step_budget_s(fidelity.budget_s);
+}
+
 }  // namespace
 
 void EncodePose(const Pose& pose, v1::Pose* message) {
@@ -125,6 +138,7 @@ void EncodeTiming(const SessionTiming& timing, v1::SessionTiming* message) {
   message->set_skipped_steps(timing.skipped_steps);
   message->set_lag_s(timing.lag_s);
   message->set_step_duration_s(timing.step_duration_s);
+  message->set_lowered_rungs(timing.lowered_rungs);
 }
 
 void EncodeHeartbeat(const SessionFrame& frame, bool draining, v1::Heartbeat* message) {
@@ -198,6 +212,7 @@ void EncodeFrame(const SessionFrame& frame, const FrameFormat& format, v1::Frame
   message->set_deadline_misses(frame.timing.deadline_misses);
   message->set_skipped_steps(frame.timing.skipped_steps);
   message->set_step_duration_s(frame.timing.step_duration_s);
+  if (frame.fidelity.possible) EncodeFidelity(frame.fidelity, message->mutable_fidelity());
   AssignBytes(from.contact_forces, message->mutable_contact_forces());
   message->mutable_strain_energy()->clear();
   if (format.strain_energy) AssignBytes(from.strain_energy_j, message->mutable_strain_energy());

@@ -2,6 +2,7 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -36,7 +37,17 @@ SessionFrame MakeSessionFrame(const Engine& engine) {
   frame.frame = engine.MakeFrame();
   frame.newest_pose.resize(engine.model().tools.size());
   frame.target_jumps.resize(engine.model().tools.size());
+  frame.fidelity = FidelityOf(engine);
   return frame;
+}
+
+SessionFidelity FidelityOf(const Engine& engine) {
+  const std::span<const FidelityRung> rungs = engine.rungs();
+  SessionFidelity fidelity;
+  fidelity.possible = !rungs.empty();
+  fidelity.rungs = std::min(engine.fidelity(), Governor::kMaxRungs);
+  std::copy_n(rungs.begin(), fidelity.rungs, fidelity.lowered.begin());
+  return fidelity;
 }
 
 Session::Session(std::unique_ptr<Engine> engine, const Options& options, SessionObserver* observer)
@@ -45,6 +56,8 @@ Session::Session(std::unique_ptr<Engine> engine, const Options& options, Session
       period_ns_(std::llround(engine_->model().dt_s * 1e9)),
       observer_(observer),
       state_(StartState(options)),
+      governor_(
+          {step_budget_s(), engine_->model().dt_s, static_cast<int>(engine_->rungs().size())}),
       inputs_(engine_->model().tools.size()),
       frames_([this] { return FirstFrame(*engine_, state_); }),
       snapshot_{state_, 0, 0.0, {}, ""},
@@ -209,6 +222,9 @@ void Session::TakePoses() {
 void Session::StepOnce(bool hurried) {
   const std::int64_t start_ns = MonotonicNs();
   TakePoses();
+  // What has no deadline has all the time that full fidelity takes.
+  const bool governed = !hurried || options_.step_cost;
+  engine_->SetFidelity(governed ? governor_.rung() : 0);
   const StepReport report = engine_->Step(inputs_);
   if (engine_->frozen()) {
     Freeze(report);
@@ -227,8 +243,16 @@ void Session::StepOnce(bool hurried) {
   totals_.releases += report.releases;
   totals_.report_bits |= report.bits;
   timing_.step_duration_s = (MonotonicNs() - start_ns) * 1e-9;
+  timing_.lowered_rungs = engine_->fidelity();
   Publish();
   TellStep(hurried);
+  if (governed) Govern(start_ns);
+}
+
+// Everything that the step took, its record included.
+void Session::Govern(std::int64_t start_ns) {
+  const double took_s = (MonotonicNs() - start_ns) * 1e-9;
+  governor_.Observe(options_.step_cost ? options_.step_cost(took_s) : took_s);
 }
 
 // After the frame is out, so that nobody waits for the observer.
@@ -256,6 +280,8 @@ void Session::Freeze(const StepReport& report) {
 
 void Session::Reset() {
   engine_->Reset();
+  governor_.Reset();
+  engine_->SetFidelity(0);
   if (state_ == v1::SESSION_STATE_FROZEN) state_ = state_before_freeze_;
   for (std::size_t i = 0; i < watches_.size(); ++i) {
     // A pose that has come in is from before the reset.
@@ -283,6 +309,9 @@ void Session::Publish() {
   slot.state = state_;
   if (state_ != v1::SESSION_STATE_FROZEN) slot.frozen_because.clear();
   slot.timing = timing_;
+  slot.fidelity = FidelityOf(*engine_);
+  slot.fidelity.changes = governor_.changes();
+  slot.fidelity.budget_s = governor_.budget_s();
   slot.commands_done = commands_done_;
   slot.published_ns = MonotonicNs();
   frames_.Publish();

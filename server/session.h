@@ -2,12 +2,14 @@
 
 #include <absl/status/status.h>
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,6 +17,7 @@
 #include "adhesim/v1/status.pb.h"
 #include "core/engine/engine.h"
 #include "core/model/frame.h"
+#include "server/governor.h"
 #include "server/mailbox.h"
 #include "server/operator_watch.h"
 #include "server/realtime.h"
@@ -37,7 +40,19 @@ struct SessionTiming {
   std::uint64_t skipped_steps = 0;    // left out: more than three steps late
   double lag_s = 0;                   // how far simulated time is behind the clock
   double step_duration_s = 0;         // of the last step
+  std::uint32_t lowered_rungs = 0;    // of fidelity, in the last step
 };
+
+// What the last step did without.
+struct SessionFidelity {
+  int rungs = 0;
+  std::array<FidelityRung, Governor::kMaxRungs> lowered{};  // the first `rungs` of them
+  bool possible = false;                                    // the engine has rungs
+  std::uint64_t changes = 0;
+  double budget_s = 0;  // 0: nobody governs
+};
+// As the engine is set; without what its governor knows.
+SessionFidelity FidelityOf(const Engine& engine);
 
 // What leaves a session after a step.
 struct SessionFrame {
@@ -50,6 +65,7 @@ struct SessionFrame {
   v1::SessionState state = v1::SESSION_STATE_RUNNING;
   std::string frozen_because;  // Engine::FrozenBecause(): what, where and when
   SessionTiming timing;
+  SessionFidelity fidelity;
   std::int64_t published_ns = 0;
   std::uint64_t commands_done = 0;  // of those submitted
 };
@@ -83,12 +99,18 @@ class Session {
     bool realtime = true;                         // false: both threads stay in the plain class
     bool paused = false;                          // before the first step
     std::shared_ptr<StepObserver> step_observer;  // or null
+    // What a step may take before fidelity is lowered; 0: it never is. Absent: kBudgetShare of dt.
+    std::optional<double> step_budget_s;
+    // What the governor is told that a step took, given what it did, s; null: just that. Called on
+    // the stepping thread, also in steps that have no deadline, which are not governed without it.
+    std::function<double(double)> step_cost;
   };
   enum class CommandKind { kPause, kResume, kStep, kReset };
   // Called on the observer thread when the command has been carried out, or never will be.
   using CommandDone = std::function<void(const absl::Status&)>;
 
   static constexpr std::uint32_t kMaxStepsAtOnce = 100'000;
+  static constexpr double kBudgetShare = 0.8;  // the rest is for waking and for the frame
 
   // What GetSession shows.
   struct Snapshot {
@@ -105,6 +127,9 @@ class Session {
 
   const Model& model() const { return engine_->model(); }
   RealtimeClass realtime_class() const { return realtime_class_.load(); }
+  double step_budget_s() const {
+    return options_.step_budget_s.value_or(kBudgetShare * model().dt_s);
+  }
   Snapshot snapshot() const;
 
   // Any thread. FailedPrecondition when the session is not in a state for it; then `done` is not
@@ -139,6 +164,7 @@ class Session {
   // `hurried`: as part of RunSteps().
   void StepOnce(bool hurried);
   void TellStep(bool hurried);
+  void Govern(std::int64_t start_ns);
   void TakePoses();
   void Reset();
   void Freeze(const StepReport& report);
@@ -162,6 +188,7 @@ class Session {
   v1::SessionState state_before_freeze_ = v1::SESSION_STATE_RUNNING;
   SessionTiming timing_;
   std::uint64_t commands_done_ = 0;
+  Governor governor_;
   std::vector<OperatorWatch> watches_;  // [#tools]
   std::vector<ToolInput> inputs_;       // [#tools]
   SessionFrame totals_;                 // counts and newest poses; its `frame` is unused

@@ -16,6 +16,7 @@ namespace adhesim {
 namespace {
 
 constexpr double kMaxRateHz = 20'000;
+constexpr double kMaxStepBudgetS = 10;
 
 // Ids of an earlier run of the server must not mean a session of this one.
 std::string RandomPrefix() {
@@ -132,6 +133,14 @@ absl::StatusOr<ReadScene> Sessions::ReadRequested(const v1::CreateSessionRequest
     read->scene.set_rate_hz(rate_hz);
   }
   if (request.has_seed()) read->scene.set_seed(request.seed());
+  if (request.has_step_budget_s()) {
+    const double budget_s = request.step_budget_s();
+    if (!(budget_s >= 0 && budget_s <= kMaxStepBudgetS)) {
+      const std::string what =
+          absl::StrCat("step_budget_s is ", budget_s, ", permitted are 0 to ", kMaxStepBudgetS);
+      return Error(Reason::kArgumentInvalid, what, {{"step_budget_s", what}});
+    }
+  }
   return read;
 }
 
@@ -200,6 +209,7 @@ absl::StatusOr<std::shared_ptr<LiveSession>> Sessions::Create(
   Session::Options options;
   options.realtime = realtime_;
   options.paused = request.paused();
+  if (request.has_step_budget_s()) options.step_budget_s = request.step_budget_s();
   if (recordings_.record) {
     absl::StatusOr<std::shared_ptr<StepObserver>> recorder =
         recordings_.record(live->id, *scene, **engine);

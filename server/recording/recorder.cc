@@ -1,6 +1,7 @@
 #include "server/recording/recorder.h"
 
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
 #include <time.h>
 
 #include <algorithm>
@@ -62,6 +63,7 @@ Recorder::Recorder(ByteSink sink, const Options& options, const RecordingAbout& 
       inputs_before_(engine.model().tools.size()),
       flags_before_(engine.model().tools.size()) {
   for (const ToolModel& tool : engine.model().tools) tool_names_.push_back(tool.name);
+  for (const FidelityRung& rung : engine.rungs()) rung_names_.push_back(rung.name);
   channels_ = WriteBeginning(about, engine.model().scene, assets, &writer_);
   view_.set_session(about.session);
   EncodeTopology(engine.model(), view_.mutable_topology());
@@ -147,6 +149,7 @@ void Recorder::OnStep(const Engine& engine, std::span<const ToolInput> inputs,
   entry->step = engine.state().step;
   entry->time_s = engine.state().time_s;
   entry->hash = RecordedHash(engine);
+  entry->fidelity = engine.fidelity();
   entry->frozen = engine.frozen();
   // Allocates, in the last step that there is.
   if (entry->frozen) entry->frozen_because = engine.FrozenBecause();
@@ -264,6 +267,7 @@ void Recorder::WriteEntry(const Entry& entry) {
       std::fill(inputs_before_.begin(), inputs_before_.end(), ToolInput{});
       std::fill(flags_before_.begin(), flags_before_.end(), 0);
       bits_before_ = 0;
+      fidelity_before_ = 0;
       WriteEvent(entry, v1::EVENT_KIND_RESET, 0, "");
       break;
     case EntryKind::kState:
@@ -295,11 +299,23 @@ void Recorder::WriteInputs(const Entry& entry) {
     if (!SameBits(input.strength_scale, 1)) out->set_strength_scale(input.strength_scale);
     out->set_retracted(input.retracted);
   }
-  if (step_inputs_.tools().empty() && !reset_) return;
+  if (entry.fidelity != fidelity_before_) {
+    fidelity_before_ = entry.fidelity;
+    step_inputs_.set_fidelity(entry.fidelity);
+    WriteFidelityEvent(entry);
+  }
+  if (step_inputs_.tools().empty() && !step_inputs_.has_fidelity() && !reset_) return;
   step_inputs_.set_index(entry.index);
   step_inputs_.set_reset(reset_);
   reset_ = false;
   Write(channels_.inputs, entry.index, step_inputs_);
+}
+
+void Recorder::WriteFidelityEvent(const Entry& entry) {
+  const auto lowered = std::span(rung_names_).first(entry.fidelity);
+  WriteEvent(
+      entry, v1::EVENT_KIND_FIDELITY, 0,
+      lowered.empty() ? "full fidelity" : absl::StrCat("lowered: ", absl::StrJoin(lowered, ", ")));
 }
 
 void Recorder::WriteForces(const Entry& entry) {

@@ -76,6 +76,7 @@ class Recorder : public StepObserver {
     std::uint64_t step = 0;
     double time_s = 0;
     std::uint64_t hash = 0;
+    std::int32_t fidelity = 0;  // rungs that the step did without
     StepReport report;
     v1::SessionState state = v1::SESSION_STATE_UNSPECIFIED;
     std::uint64_t frames_dropped = 0;         // so far
@@ -98,6 +99,7 @@ class Recorder : public StepObserver {
   void Drain();
   void WriteEntry(const Entry& entry);
   void WriteInputs(const Entry& entry);
+  void WriteFidelityEvent(const Entry& entry);
   void WriteForces(const Entry& entry);
   void WriteStepEvents(const Entry& entry);
   void WriteEvent(const Entry& entry, v1::EventKind kind, std::uint32_t particles,
@@ -112,7 +114,7 @@ class Recorder : public StepObserver {
   const Options options_;
   const RecordingAbout about_;
   const double dt_s_;
-  std::vector<std::string> tool_names_;
+  std::vector<std::string> tool_names_, rung_names_;
 
   // Owned by the stepping thread.
   std::uint64_t index_ = 0;
@@ -134,6 +136,7 @@ class Recorder : public StepObserver {
   std::vector<ToolInput> inputs_before_;  // [#tools]
   std::vector<std::uint32_t> flags_before_;
   std::uint32_t bits_before_ = 0;
+  std::int32_t fidelity_before_ = 0;
   std::uint64_t frames_dropped_before_ = 0;
   bool reset_ = false;  // since the last step
   std::uint64_t last_index_ = 0;

@@ -106,8 +106,11 @@ bool Player::Decode(const v1::ToolInput& message, ToolInput* input) const {
 void Player::Apply(const v1::StepInputs& step) {
   if (step.reset()) {
     engine_->Reset();
+    engine_->SetFidelity(0);
     inputs_.assign(inputs_.size(), ToolInput{});
   }
+  // More rungs than the engine has, in a damaged file, are as many as it has.
+  if (step.has_fidelity()) engine_->SetFidelity(static_cast<int>(std::min(step.fidelity(), 100u)));
   for (const v1::ToolInput& message : step.tools()) {
     ToolInput input;
     // What cannot be applied shows as a difference of this step.

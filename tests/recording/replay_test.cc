@@ -71,12 +71,17 @@ class DrivenSession {
   // Records when `path` is not empty.
   explicit DrivenSession(const std::string& path)
       : DrivenSession(path, test::EngineOf(test::NeedleScene(test::kPressAndPull))) {}
-  DrivenSession(const std::string& path, std::unique_ptr<Engine> engine) {
+  // `cost`: what steps are said to take, s, to a governor with a budget of kBudgetS.
+  static constexpr double kBudgetS = 1e-3;
+  DrivenSession(const std::string& path, std::unique_ptr<Engine> engine,
+                std::function<double(double)> cost = nullptr) {
     keeper_ = std::make_shared<HashKeeper>(path.empty() ? nullptr : RecordInto(path, *engine));
     Session::Options options;
     options.realtime = false;
     options.paused = true;
     options.step_observer = keeper_;
+    options.step_budget_s = kBudgetS;
+    options.step_cost = std::move(cost);
     session_ = std::make_unique<Session>(std::move(engine), options, &nobody_);
   }
 
@@ -172,6 +177,50 @@ TEST(Replay, GivesTheSameHashesAfterRealTimePausesAndResumes) {
   EXPECT_FALSE(result.difference);
   EXPECT_GT(result.verified, 0u);
   EXPECT_EQ(result.final_hash, hash);
+}
+
+// Costs are too high for 0.1 s in every 1.5 s, whatever is given up: down to the last rung, back by
+// one and down again.
+std::uint64_t RunGoverned(const std::string& path) {
+  const auto cost = [step = 0](double) mutable {
+    return DrivenSession::kBudgetS * (++step % 1500 < 100 ? 1.5 : 0.2);
+  };
+  DrivenSession session(path, test::EngineOf(test::NeedleScene(test::kPressAndPull)), cost);
+  session.Drive(kSanitized ? 130 : 1600);
+  session.Do(Session::CommandKind::kReset);
+  session.Drive(100);
+  return session.End();
+}
+
+TEST(Replay, AppliesTheGovernorsDecisionsAndConsultsNoClock) {
+  const std::string path = TempPath("governed.mcap");
+  const std::uint64_t hash = RunGoverned(path);
+  for (const int threads : {1, 2}) {
+    const ReplayResult result = Verify(path, threads);
+    EXPECT_FALSE(result.difference) << "step " << result.difference->index;
+    EXPECT_EQ(result.final_hash, hash);
+  }
+  std::vector<std::uint32_t> fidelity;
+  std::vector<std::string> events;
+  auto reader = *McapReader::Open(path);
+  McapMessage message;
+  while (*reader->Next(&message)) {
+    const std::string& topic = reader->channels().at(message.channel).topic;
+    v1::StepInputs inputs;
+    v1::Event event;
+    if (topic == kInputsTopic) {
+      ASSERT_TRUE(inputs.ParseFromArray(message.data.data(), message.data.size()));
+      if (inputs.has_fidelity()) fidelity.push_back(inputs.fidelity());
+    } else if (topic == kEventsTopic) {
+      ASSERT_TRUE(event.ParseFromArray(message.data.data(), message.data.size()));
+      if (event.kind() == v1::EVENT_KIND_FIDELITY) events.push_back(event.text());
+    }
+  }
+  ASSERT_GE(fidelity.size(), 2u);
+  EXPECT_EQ(fidelity[0], 1u);
+  EXPECT_EQ(fidelity[1], 2u);
+  EXPECT_EQ(events.size(), fidelity.size());  // each change is told
+  EXPECT_EQ(events[1], "lowered: iterations, detection");
 }
 
 TEST(Replay, RecordingChangesNothing) {

@@ -6,6 +6,7 @@
 #include <future>
 
 #include "fake_engine.h"
+#include "server/encode.h"
 #include "server/errors.h"
 
 namespace adhesim {
@@ -25,6 +26,36 @@ class Recorder : public SessionObserver {
   int went_back = 0;
   int heartbeats = 0;
   absl::Status end;
+};
+
+// An engine that can do without two things.
+class LadderEngine : public FakeEngine {
+ public:
+  using FakeEngine::FakeEngine;
+  std::span<const FidelityRung> rungs() const override { return kRungs; }
+  void SetFidelity(int rungs) override { fidelity_ = rungs; }
+  int fidelity() const override { return fidelity_; }
+
+ private:
+  static constexpr FidelityRung kRungs[] = {{"first", 0.01, 1e-4}, {"second", 0.03, 2e-4}};
+  int fidelity_ = 0;
+};
+
+// What every step did without, and what its frame said.
+class FidelityLog : public StepObserver {
+ public:
+  struct Entry {
+    int rungs;
+    SessionFidelity told;
+  };
+  void OnStep(const Engine& engine, std::span<const ToolInput>, const SessionFrame& frame,
+              bool) noexcept override {
+    steps.push_back({engine.fidelity(), frame.fidelity});
+  }
+  void OnReset(const SessionFrame&) noexcept override {}
+  void OnState(v1::SessionState) noexcept override {}
+  void OnEnd() noexcept override {}
+  std::vector<Entry> steps;
 };
 
 class SessionTest : public testing::Test {
@@ -143,6 +174,61 @@ TEST_F(SessionTest, FreezesOnANonFiniteValueAndSaysSo) {
   EXPECT_EQ(session_->snapshot().state, v1::SESSION_STATE_PAUSED);
   ASSERT_TRUE(Step(2).ok());
   EXPECT_EQ(session_->snapshot().step, 2u);
+}
+
+// Costs that double for some steps: down in the declared order, each change told with its error,
+// and back.
+TEST_F(SessionTest, LowersFidelityWhenStepsCostTooMuchAndSaysSo) {
+  auto log = std::make_shared<FidelityLog>();
+  Session::Options options;
+  options.realtime = false;
+  options.paused = true;
+  options.step_observer = log;
+  options.step_cost = [log](double) {
+    const std::size_t step = log->steps.size();  // this one included
+    const double left[] = {1, 0.75, 0.6};
+    return 8e-4 * left[log->steps.back().rungs] * (step > 100 && step < 2000 ? 1.4 : 0.6);
+  };
+  session_ =
+      std::make_unique<Session>(std::make_unique<LadderEngine>(FakeModel()), options, &recorder_);
+  EXPECT_DOUBLE_EQ(session_->step_budget_s(), 8e-4);
+  ASSERT_TRUE(Step(6000).ok());
+  std::vector<int> changes;
+  int before = 0;
+  for (const FidelityLog::Entry& step : log->steps) {
+    if (step.rungs != before) changes.push_back(step.rungs);
+    before = step.rungs;
+    ASSERT_EQ(step.told.rungs, step.rungs);
+    ASSERT_EQ(step.told.changes, changes.size());
+    if (step.rungs == 0) continue;
+    ASSERT_STREQ(step.told.lowered[step.rungs - 1].name, step.rungs == 1 ? "first" : "second");
+  }
+  EXPECT_EQ(changes, (std::vector<int>{1, 2, 1, 0}));
+  v1::Frame message;
+  EncodeFrame(recorder_.last, {}, &message);
+  EXPECT_EQ(message.fidelity().rungs(), 0u);
+  EXPECT_EQ(message.fidelity().changes(), 4u);
+}
+
+TEST_F(SessionTest, TakesStepsWithoutADeadlineAtFullFidelity) {
+  Session::Options options;
+  options.realtime = false;
+  options.paused = true;
+  options.step_budget_s = 1e-9;  // no step is as fast
+  auto log = std::make_shared<FidelityLog>();
+  options.step_observer = log;
+  session_ =
+      std::make_unique<Session>(std::make_unique<LadderEngine>(FakeModel()), options, &recorder_);
+  ASSERT_TRUE(Step(200).ok());
+  for (const FidelityLog::Entry& step : log->steps) ASSERT_EQ(step.rungs, 0);
+  ASSERT_TRUE(Do(Session::CommandKind::kResume).ok());
+  while (session_->snapshot().timing.lowered_rungs < 2) std::this_thread::yield();
+  ASSERT_TRUE(Do(Session::CommandKind::kPause).ok());
+  ASSERT_TRUE(Do(Session::CommandKind::kReset).ok());
+  v1::Frame message;
+  EncodeFrame(recorder_.last, {}, &message);
+  EXPECT_EQ(message.fidelity().rungs(), 0u);
+  EXPECT_EQ(message.fidelity().changes(), 0u);
 }
 
 TEST_F(SessionTest, AnswersWaitingCommandsWhenItEnds) {

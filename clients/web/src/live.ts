@@ -31,7 +31,11 @@ export class Live implements Mode {
   private past?: number;
   private lastStep = -1;
   private publishedMs = 0;
-  private timing = { misses: 0, skipped: 0, stepS: 0 };
+  private timing: Pick<TransportState, "misses" | "skipped" | "stepS" | "fidelity"> = {
+    misses: 0,
+    skipped: 0,
+    stepS: 0,
+  };
   active = true;
   private everConnected = false;
 
@@ -133,6 +137,7 @@ export class Live implements Mode {
       stepS: this.timing.stepS,
       budgetS: this.shell.rateHz > 0 ? 1 / this.shell.rateHz : 0,
       misses: this.timing.misses,
+      fidelity: this.timing.fidelity,
       skipped: this.timing.skipped,
     };
   }
@@ -262,6 +267,7 @@ export class Live implements Mode {
     this.shell.realTime.add(sample.timeS, this.publishedMs);
     this.timing = {
       misses: Number(sample.frame.deadlineMisses),
+      fidelity: sample.frame.fidelity,
       skipped: Number(sample.frame.skippedSteps),
       stepS: sample.frame.stepDurationS,
     };

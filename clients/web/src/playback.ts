@@ -127,6 +127,7 @@ export class Playback implements Mode {
       stepS: this.frame?.stepDurationS ?? 0,
       budgetS: this.shell.rateHz > 0 ? 1 / this.shell.rateHz : 0,
       misses: Number(this.frame?.deadlineMisses ?? 0n),
+      fidelity: this.frame?.fidelity,
       skipped: Number(this.frame?.skippedSteps ?? 0n),
     };
   }

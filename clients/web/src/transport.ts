@@ -2,6 +2,7 @@
 
 import { byId, onClick, setText } from "./dom";
 import { fixed, seconds } from "./format";
+import type { FidelityState } from "./gen/adhesim/v1/frame_pb";
 
 export interface TransportActions {
   play(): void;
@@ -22,6 +23,8 @@ export interface TransportState {
   stepS: number;
   budgetS: number;
   misses: number;
+  /** What steps did without; undefined: the scene can do without nothing. */
+  fidelity?: FidelityState;
   skipped: number;
 }
 
@@ -74,5 +77,20 @@ export class Transport {
       `${state.misses} late${state.skipped > 0 ? `, ${state.skipped} skipped` : ""}`,
     );
     byId("misses").classList.toggle("alert", state.misses > 0);
+    this.showFidelity(state.fidelity);
+  }
+
+  private showFidelity(fidelity: FidelityState | undefined): void {
+    const entry = byId("fidelity-entry");
+    entry.hidden = !fidelity;
+    if (!fidelity) return;
+    const lowered = fidelity.rungs > 0;
+    const value = byId("fidelity");
+    setText(value, lowered ? `without ${fidelity.lowered.join(", ")}` : "full");
+    value.classList.toggle("alert", lowered);
+    const error = `expected error: ${fixed(fidelity.expectedForceError * 100, 1)} % of the peak force`;
+    entry.title = lowered
+      ? `Given up so that steps end in time; ${error}`
+      : `What steps do without so that they end in time; ${fidelity.changes} changes so far`;
   }
 }
