@@ -74,11 +74,11 @@ absl::Status Pipeline::CompileEffects() {
   solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
   bytes_.solve = heap.Take();
   if (absl::Status status = CompileImplicit(); !status.ok()) return status;
-  heap.Take();
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
   CompileContact();
+  heap.Take();
   frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
-  bytes_.book += heap.Take();
+  bytes_.book = heap.Take();
   start_.effect_state.assign(state_size, 0);
   return absl::OkStatus();
 }
