@@ -145,7 +145,8 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"bodies", model.bodies.size()},
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},
-                 {"finite", !engine.frozen()}};
+                 {"finite", !engine.frozen()},
+                 {"sleeping", false}};  // no body ever does: figures are of all of them
   if (engine.frozen()) report["frozen_because"] = engine.FrozenBecause();
   if (!model.tetrahedra.empty()) report["tetrahedra"] = model.tetrahedra.size();
   if (statistics.interrupted) report["interrupted"] = true;

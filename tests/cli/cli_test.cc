@@ -181,6 +181,7 @@ TEST(Cli, RunReportsTheFieldsOfTheContract) {
   EXPECT_EQ(report["particles"], 84);
   EXPECT_EQ(report["triangles"], 160);
   EXPECT_EQ(report["finite"], true);
+  EXPECT_EQ(report["sleeping"], false);
   for (const char* field : {"threads", "simd", "realtime_factor", "stages", "volume_error_max",
                             "state_hash", "max_depth_m", "vertices_inside_max"}) {
     EXPECT_TRUE(report.contains(field)) << field;
