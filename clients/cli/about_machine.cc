@@ -2,6 +2,7 @@
 
 #include <absl/strings/match.h>
 #include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 #include <absl/strings/strip.h>
 #include <absl/time/clock.h>
 #include <absl/time/time.h>
@@ -46,6 +47,12 @@ AboutMachine DescribeMachine() {
   about.commit = kBuildCommit;
   about.date = absl::FormatTime("%Y-%m-%d %H:%M", absl::Now(), absl::UTCTimeZone());
   return about;
+}
+
+std::string MachineText(const AboutMachine& machine) {
+  return absl::StrFormat("%s UTC; adhesim %s, commit %s; %s; %s, %d cores, load %.2f at the start",
+                         machine.date, machine.version, machine.commit, machine.build,
+                         machine.processor, machine.cores, machine.load);
 }
 
 }  // namespace adhesim

@@ -15,4 +15,7 @@ struct AboutMachine {
 };
 AboutMachine DescribeMachine();
 
+// The same, on one line.
+std::string MachineText(const AboutMachine& machine);
+
 }  // namespace adhesim

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -191,21 +190,9 @@ absl::Status RunRivals(const Arguments& arguments, PaperReport* report) {
   return absl::OkStatus();
 }
 
-absl::Status WriteFile(const std::string& path, const std::string& text) {
-  std::error_code ignored;
-  if (const fs::path folder = fs::path(path).parent_path(); !folder.empty()) {
-    fs::create_directories(folder, ignored);
-  }
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.close();
-  if (file) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
-}
-
 absl::Status Write(const Arguments& arguments, const PaperReport& report) {
   if (!arguments.html.empty()) {
-    if (const absl::Status s = WriteFile(arguments.html, PaperPage(report)); !s.ok()) return s;
+    if (const absl::Status s = WriteTextFile(arguments.html, PaperPage(report)); !s.ok()) return s;
     std::cerr << "the page: " << arguments.html << "\n";
   }
   if (arguments.json == "-") {
@@ -215,7 +202,7 @@ absl::Status Write(const Arguments& arguments, const PaperReport& report) {
   if (!arguments.json.empty()) {
     const std::string text =
         PaperJson(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-    if (const absl::Status s = WriteFile(arguments.json, text); !s.ok()) return s;
+    if (const absl::Status s = WriteTextFile(arguments.json, text); !s.ok()) return s;
   }
   std::cout << PaperText(report) << std::flush;
   return absl::OkStatus();

@@ -15,12 +15,14 @@ constexpr std::string_view kStyle = R"(
   --page: #fbfbfa; --card: #ffffff; --ink: #1d2329; --soft: #59636e; --rule: #d7dbe0;
   --grid: #e8eaed; --good: #10703c; --bad: #b3261e; --limit: #8a4b00;
   --s0: #2463c4; --s1: #c2540a; --s2: #0f7a5a; --s3: #8a3fb0; --s4: #7a6a00;
+  --s5: #b0305f; --s6: #00717d; --s7: #5d5d5d;
 }
 @media (prefers-color-scheme: dark) {
   :root {
     --page: #14171a; --card: #1b1f24; --ink: #e6e9ec; --soft: #a2adb8; --rule: #39414a;
     --grid: #2b3138; --good: #5fd08f; --bad: #ff8a80; --limit: #f0b35a;
     --s0: #78aaff; --s1: #ff9d5c; --s2: #58d0a5; --s3: #d59bf2; --s4: #d9c64a;
+    --s5: #ff8fb8; --s6: #4fd0dd; --s7: #b5b5b5;
   }
 }
 * { box-sizing: border-box; }
@@ -43,6 +45,7 @@ tbody th { font-weight: 400; }
 .holds { color: var(--good); font-weight: 600; white-space: nowrap; }
 .fails { color: var(--bad); font-weight: 700; white-space: nowrap; }
 .unjudged { color: var(--soft); white-space: nowrap; }
+.wide { display: inline-block; min-width: 15rem; }
 .strip { display: grid; gap: .8rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 13rem), 1fr));
   margin: .8rem 0; }
 .plots { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr));
@@ -61,6 +64,9 @@ svg .dashed { stroke-dasharray: 7 4; }
 svg .limit { stroke: var(--limit); stroke-width: 1.5; stroke-dasharray: 2 3; }
 svg .s0 { stroke: var(--s0); } svg .s1 { stroke: var(--s1); } svg .s2 { stroke: var(--s2); }
 svg .s3 { stroke: var(--s3); } svg .s4 { stroke: var(--s4); }
+svg .s5 { stroke: var(--s5); } svg .s6 { stroke: var(--s6); } svg .s7 { stroke: var(--s7); }
+svg .band { fill: var(--grid); stroke: none; }
+svg .grey { stroke: var(--grid); stroke-width: 12; }
 svg .dot { fill: var(--card); stroke-width: 2; }
 @media print { body { max-width: none; } figure { break-inside: avoid; } }
 )";
@@ -97,6 +103,11 @@ std::string ToHtml(const HtmlTable& table) {
   }
   absl::StrAppend(&html, "</tbody></table></div>\n");
   return html;
+}
+
+std::string HtmlParagraph(std::string_view html, std::string_view kind) {
+  return absl::StrCat(kind.empty() ? "<p>" : absl::StrCat("<p class=\"", std::string(kind), "\">"),
+                      std::string(html), "</p>\n");
 }
 
 std::string PngAddress(std::string_view png) {

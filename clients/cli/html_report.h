@@ -21,6 +21,9 @@ struct HtmlTable {
 };
 std::string ToHtml(const HtmlTable& table);
 
+// A paragraph of HTML; `kind` is a class of the style sheet ("soft"), or empty.
+std::string HtmlParagraph(std::string_view html, std::string_view kind = "");
+
 // The bytes of a PNG file as an image's address.
 std::string PngAddress(std::string_view png);
 

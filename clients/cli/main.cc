@@ -39,6 +39,7 @@ int Main(int argc, char** argv) {
   AddRenderCommand(app, &exit_code);
   AddPaperCommand(app, &exit_code);
   AddStressCommand(app, &exit_code);
+  AddAccuracyCommand(app, &exit_code);
   AddBenchCommand(app, &exit_code);
   AddReplayCommand(app, &exit_code);
   AddSceneCommand(app, &exit_code);

@@ -1,10 +1,13 @@
 #include "clients/cli/output.h"
 
+#include <absl/strings/str_cat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
 
 namespace adhesim {
@@ -17,6 +20,17 @@ bool ColourOnStderr() {
 void PrintJson(const Json& json) {
   // Text from a file name may be any bytes: what is not UTF-8 is replaced, not thrown at.
   std::cout << json.dump(-1, ' ', false, Json::error_handler_t::replace) << std::endl;
+}
+
+absl::Status WriteTextFile(const std::string& path, const std::string& text) {
+  std::error_code ignored;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty()) std::filesystem::create_directories(folder, ignored);
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.close();
+  if (file) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
 }
 
 Distribution Describe(std::vector<float> values) {

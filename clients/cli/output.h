@@ -1,7 +1,10 @@
 #pragma once
 
+#include <absl/status/status.h>
+
 #include <nlohmann/json.hpp>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace adhesim {
@@ -14,6 +17,9 @@ bool ColourOnStderr();
 
 // One object to stdout, on one line.
 void PrintJson(const Json& json);
+
+// Writes a file, making the folders above it. Errors: InvalidArgument.
+absl::Status WriteTextFile(const std::string& path, const std::string& text);
 
 struct Distribution {
   double min = 0, median = 0, p99 = 0, max = 0;

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "clients/cli/about_machine.h"
 #include "clients/cli/html_report.h"
 #include "clients/cli/paper_plots.h"
 
@@ -14,11 +15,6 @@ namespace {
 
 // Every text goes through here on its way into the page.
 std::string Text(std::string_view text) { return HtmlEscape(text); }
-
-std::string Paragraph(std::string_view html, std::string_view kind = "") {
-  return absl::StrCat(kind.empty() ? "<p>" : absl::StrCat("<p class=\"", std::string(kind), "\">"),
-                      std::string(html), "</p>\n");
-}
 
 std::string LinkTo(std::string_view scene) {
   return absl::StrCat("<a href=\"#", Text(scene), "\">", Text(scene), "</a>");
@@ -60,20 +56,10 @@ std::string Summary(const PaperReport& report) {
          absl::StrCat(summary.held, " of ", summary.judged), Marked(summary.worst.verdict)});
   }
   return absl::StrCat(
-      Paragraph(absl::StrCat(
+      HtmlParagraph(absl::StrCat(
           "<strong>", held, " of ", judged, " claims hold</strong>; ",
           judged == held ? "none fails." : "those that do not are shown as they are.")),
       ToHtml(table));
-}
-
-std::string Drawn(const std::vector<Plot>& plots) {
-  std::string html = "<div class=\"plots\">\n";
-  for (const Plot& plot : plots) {
-    const absl::StatusOr<std::string> svg = DrawPlot(plot);
-    absl::StrAppend(&html, "<figure><figcaption>", Text(plot.title), "</figcaption>",
-                    svg.ok() ? *svg : Text(svg.status().ToString()), "</figure>\n");
-  }
-  return html + "</div>\n";
 }
 
 std::string PaperTime(const PaperFigure& figure) {
@@ -102,13 +88,14 @@ std::string Times(const PaperReport& report) {
   }
   std::string html = absl::StrCat("<h2>Time</h2>\n", ToHtml(table));
   absl::StrAppend(
-      &html, Paragraph("The paper's times are of detection and response only, on an Intel Xeon "
-                       "5140 of 2006 (2.33 GHz, gcc 4.1, not optimised); ours are of the whole "
-                       "step on the machine named above. Their ratio says nothing about the "
-                       "methods. Budgets are the project's own bounds; they are met or not on an "
-                       "idle machine, and are no claim of the paper.",
-                       "soft"));
-  return html + Drawn({CostPlot(report)});
+      &html,
+      HtmlParagraph("The paper's times are of detection and response only, on an Intel Xeon "
+                    "5140 of 2006 (2.33 GHz, gcc 4.1, not optimised); ours are of the whole "
+                    "step on the machine named above. Their ratio says nothing about the "
+                    "methods. Budgets are the project's own bounds; they are met or not on an "
+                    "idle machine, and are no claim of the paper.",
+                    "soft"));
+  return html + DrawPlots({CostPlot(report)});
 }
 
 // The instants: pictures where there are any, with what is counted in them.
@@ -135,38 +122,40 @@ std::string Instants(const FigureReport& report) {
 std::string PushedApart(const PaperStudy& study) {
   const double pushed_j = study.samples.back().pushed_j;
   if (pushed_j == 0) return "";
-  return Paragraph(Text(absl::StrFormat(
-                       "Bodies lie in each other at the start. Pushing them apart brought %.3g J "
-                       "(%.3g %% of E_ref), which is booked as a correction and counts as put in.",
-                       pushed_j, 100 * pushed_j / study.reference_j)),
-                   "soft");
+  return HtmlParagraph(
+      Text(absl::StrFormat(
+          "Bodies lie in each other at the start. Pushing them apart brought %.3g J "
+          "(%.3g %% of E_ref), which is booked as a correction and counts as put in.",
+          pushed_j, 100 * pushed_j / study.reference_j)),
+      "soft");
 }
 
 std::string Figure(const FigureReport& report) {
   const PaperFigure& figure = *report.figure;
-  std::string html =
-      absl::StrCat("<section id=\"", Text(figure.scene), "\"><h2>", Text(figure.figure),
-                   figure.figure.empty() ? "" : ": ", Text(figure.title), "</h2>\n",
-                   Paragraph(absl::StrCat("<strong>Claimed:</strong> ", Text(figure.paper_says))));
+  std::string html = absl::StrCat(
+      "<section id=\"", Text(figure.scene), "\"><h2>", Text(figure.figure),
+      figure.figure.empty() ? "" : ": ", Text(figure.title), "</h2>\n",
+      HtmlParagraph(absl::StrCat("<strong>Claimed:</strong> ", Text(figure.paper_says))));
   if (!report.not_run.empty()) {
-    return absl::StrCat(html,
-                        Paragraph(absl::StrCat("<strong>Not run:</strong> ", Text(report.not_run))),
-                        "</section>\n");
+    return absl::StrCat(
+        html, HtmlParagraph(absl::StrCat("<strong>Not run:</strong> ", Text(report.not_run))),
+        "</section>\n");
   }
   const PaperStudy& study = report.study;
   absl::StrAppend(
       &html,
-      Paragraph(absl::StrCat(
-                    "Scene ", Text(figure.scene), ": ", Text(report.description), " ", study.bodies,
-                    " bodies, ", study.particles, " particles, ", study.triangles, " triangles; ",
-                    ShortNumber(report.duration_s), " s in ", study.steps, " steps",
-                    report.whole ? "."
-                                 : absl::StrCat(" of ", ShortNumber(figure.duration_s),
-                                                " s (a quick run: what only the end can show is "
-                                                "not judged)."),
-                    " Instants: ", Text(figure.instants_note), "."),
-                "soft"),
-      PushedApart(study), Instants(report), TableOf(report.claims), Drawn(FigurePlots(report)),
+      HtmlParagraph(
+          absl::StrCat("Scene ", Text(figure.scene), ": ", Text(report.description), " ",
+                       study.bodies, " bodies, ", study.particles, " particles, ", study.triangles,
+                       " triangles; ", ShortNumber(report.duration_s), " s in ", study.steps,
+                       " steps",
+                       report.whole ? "."
+                                    : absl::StrCat(" of ", ShortNumber(figure.duration_s),
+                                                   " s (a quick run: what only the end can show is "
+                                                   "not judged)."),
+                       " Instants: ", Text(figure.instants_note), "."),
+          "soft"),
+      PushedApart(study), Instants(report), TableOf(report.claims), DrawPlots(FigurePlots(report)),
       "</section>\n");
   return html;
 }
@@ -194,7 +183,7 @@ std::string RivalsExplained() {
            "books impulses as nothing, sees the bodies gain a large share at every rate while "
            "they are in the well of the impulses; parting costs it again.",
        }) {
-    html += Paragraph(Text(text));
+    html += HtmlParagraph(Text(text));
   }
   return html;
 }
@@ -233,27 +222,23 @@ std::string Rivals(const PaperReport& report) {
   }
   return absl::StrCat("<section id=\"", kRivals, "\"><h2>Compared with other methods</h2>\n",
                       RivalsExplained(), ToHtml(table), TableOf(report.rival_claims),
-                      Drawn(RivalPlots(report.rivals)), "</section>\n");
+                      DrawPlots(RivalPlots(report.rivals)), "</section>\n");
 }
 
 }  // namespace
 
 std::string PaperPage(const PaperReport& report) {
-  const AboutMachine& machine = report.machine;
   std::string body = absl::StrCat(
       "<h1>The virtual adhesive, scene by scene</h1>\n",
-      Paragraph("Every experiment of A. Carra, J.-L. Martiel, E. Promayon: <em>Virtual adhesive: "
-                "a way to handle sticky collisions in surgical and biological simulators</em> "
-                "(VRIPHYS 2007), run again and measured. Sizes, masses, stiffness and strengths "
-                "are ours where the paper is silent; each scene file says so."),
-      Paragraph(Text(absl::StrFormat(
-                    "%s UTC; adhesim %s, commit %s; %s; %s, %d cores, load %.2f at the start",
-                    machine.date, machine.version, machine.commit, machine.build, machine.processor,
-                    machine.cores, machine.load)),
-                "soft"));
+      HtmlParagraph(
+          "Every experiment of A. Carra, J.-L. Martiel, E. Promayon: <em>Virtual adhesive: "
+          "a way to handle sticky collisions in surgical and biological simulators</em> "
+          "(VRIPHYS 2007), run again and measured. Sizes, masses, stiffness and strengths "
+          "are ours where the paper is silent; each scene file says so."),
+      HtmlParagraph(Text(MachineText(report.machine)), "soft"));
   if (!report.no_pictures.empty()) {
     absl::StrAppend(
-        &body, Paragraph(absl::StrCat("No pictures: ", Text(report.no_pictures), "."), "soft"));
+        &body, HtmlParagraph(absl::StrCat("No pictures: ", Text(report.no_pictures), "."), "soft"));
   }
   absl::StrAppend(&body, Summary(report), Times(report));
   for (const FigureReport& figure : report.figures) absl::StrAppend(&body, Figure(figure));

@@ -17,7 +17,7 @@ namespace {
 constexpr double kWidth = 520, kPlotHeight = 230;
 constexpr double kLeft = 66, kRight = 24, kTop = 8, kBottom = 44, kLegendRow = 18;
 constexpr double kCharacter = 7;  // mean width of a letter, for the legend's rows
-constexpr int kColours = 5;
+constexpr int kColours = 8;
 constexpr int kTicks = 5;
 // Labels and coordinates never show more than doubles of such sizes need.
 constexpr double kLargest = 1e100, kSmallest = 1e-100;
@@ -60,6 +60,12 @@ absl::Status Check(const Plot& plot) {
   }
   for (const PlotLine& line : plot.lines) {
     if (const absl::Status status = CheckValue(line.y, plot.y.scale, line.name); !status.ok()) {
+      return status;
+    }
+  }
+  for (const PlotBand& band : plot.bands) {
+    const PlotScale scale = band.on_x ? plot.x.scale : plot.y.scale;
+    if (const absl::Status status = CheckValue(band.to, scale, band.name); !status.ok()) {
       return status;
     }
   }
@@ -150,8 +156,12 @@ std::string DrawAxes(const Plot& plot, const Axis& x, const Axis& y) {
   return svg;
 }
 
+std::string Colour(const PlotSeries& series, std::size_t index) {
+  return absl::StrCat("s", (series.colour < 0 ? index : series.colour) % kColours);
+}
+
 std::string DrawSeries(const PlotSeries& series, std::size_t index, const Axis& x, const Axis& y) {
-  const std::string colour = absl::StrCat("s", index % kColours);
+  const std::string colour = Colour(series, index);
   std::string svg = absl::StrCat("<g><title>", HtmlEscape(series.name), "</title>");
   if (series.markers) {
     for (std::size_t i = 0; i < series.x.size(); ++i) {
@@ -208,10 +218,20 @@ std::vector<Entry> LegendOf(const Plot& plot) {
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     const PlotSeries& series = plot.series[i];
     entries.push_back({series.x.empty() ? absl::StrCat(series.name, " (none)") : series.name,
-                       absl::StrCat("curve s", i % kColours, series.dashed ? " dashed" : "")});
+                       absl::StrCat("curve ", Colour(series, i), series.dashed ? " dashed" : "")});
   }
   for (const PlotLine& line : plot.lines) entries.push_back({line.name, "limit"});
+  for (const PlotBand& band : plot.bands) entries.push_back({band.name, "grey"});
   return entries;
+}
+
+std::string DrawBand(const PlotBand& band, const Axis& x, const Axis& y) {
+  const double right = band.on_x ? x.Pixel(band.to) : x.to_px;
+  const double top = band.on_x ? y.to_px : y.Pixel(band.to);
+  return absl::StrCat("<rect class=\"band\" x=\"", Pixel(x.from_px), "\" y=\"", Pixel(top),
+                      "\" width=\"", Pixel(right - x.from_px), "\" height=\"",
+                      Pixel(y.from_px - top), "\"><title>", HtmlEscape(band.name),
+                      "</title></rect>\n");
 }
 
 }  // namespace
@@ -224,6 +244,7 @@ absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
     ys.insert(ys.end(), series.y.begin(), series.y.end());
   }
   for (const PlotLine& line : plot.lines) ys.push_back(line.y);
+  for (const PlotBand& band : plot.bands) (band.on_x ? xs : ys).push_back(band.to);
 
   int rows = 0;
   const std::string legend = DrawLegend(LegendOf(plot), 0, &rows);
@@ -231,9 +252,11 @@ absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
   const Axis x = MakeAxis(plot.x, xs, kLeft, kWidth - kRight);
   const Axis y = MakeAxis(plot.y, ys, top + kPlotHeight, top);
 
-  std::string svg = absl::StrCat("<svg viewBox=\"0 0 ", kWidth, " ", top + kPlotHeight + kBottom,
-                                 "\" role=\"img\" aria-label=\"", HtmlEscape(plot.title), "\">\n",
-                                 legend, DrawAxes(plot, x, y));
+  std::string svg =
+      absl::StrCat("<svg viewBox=\"0 0 ", kWidth, " ", top + kPlotHeight + kBottom,
+                   "\" role=\"img\" aria-label=\"", HtmlEscape(plot.title), "\">\n", legend);
+  for (const PlotBand& band : plot.bands) svg += DrawBand(band, x, y);
+  svg += DrawAxes(plot, x, y);
   for (const PlotLine& line : plot.lines) {
     const std::string at = Pixel(y.Pixel(line.y));
     absl::StrAppend(&svg, "<line class=\"limit\" x1=\"", Pixel(x.from_px), "\" x2=\"",
@@ -244,6 +267,16 @@ absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
   }
   absl::StrAppend(&svg, "</svg>\n");
   return svg;
+}
+
+std::string DrawPlots(const std::vector<Plot>& plots) {
+  std::string html = "<div class=\"plots\">\n";
+  for (const Plot& plot : plots) {
+    const absl::StatusOr<std::string> svg = DrawPlot(plot);
+    absl::StrAppend(&html, "<figure><figcaption>", HtmlEscape(plot.title), "</figcaption>",
+                    svg.ok() ? *svg : HtmlEscape(svg.status().ToString()), "</figure>\n");
+  }
+  return html + "</div>\n";
 }
 
 }  // namespace adhesim

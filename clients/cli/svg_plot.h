@@ -21,6 +21,7 @@ struct PlotSeries {
   bool dashed = false;
   bool markers = false;                  // points without a line
   std::vector<std::string> point_names;  // of markers; empty or as long as x
+  int colour = -1;                       // of the page's; -1: by its place among the series
 };
 
 // A horizontal line across the plot: a limit.
@@ -29,11 +30,19 @@ struct PlotLine {
   double y = 0;
 };
 
+// Grey, from the lower end of an axis up to a value: what is there cannot be told apart.
+struct PlotBand {
+  std::string name;
+  bool on_x = true;  // false: on the y axis
+  double to = 0;
+};
+
 struct Plot {
   std::string title;  // what it shows, for who cannot see it too
   PlotAxis x, y;
   std::vector<PlotSeries> series;
   std::vector<PlotLine> lines;
+  std::vector<PlotBand> bands;
 };
 
 // A plot as an <svg> element for the pages of html_report.h, whose style sheet colours it: axes
@@ -41,5 +50,8 @@ struct Plot {
 // InvalidArgument, naming the series, for a value that is not finite or not above 0 on a
 // logarithmic axis, and for lengths that differ.
 absl::StatusOr<std::string> DrawPlot(const Plot& plot);
+
+// Plots beside each other, each with its title; what cannot be drawn says why.
+std::string DrawPlots(const std::vector<Plot>& plots);
 
 }  // namespace adhesim

@@ -264,7 +264,8 @@ class Study {
 
   void Recommend() {
     AdviceLimits& limits = study_.limits;
-    limits.by_observables = study_.chaotic;
+    // Who names a tolerance of positions or forces is answered in it.
+    limits.by_observables = study_.chaotic && !options_.tolerance_m && !options_.tolerance_n;
     limits.tolerance_m = options_.tolerance_m.value_or(kPartOfMotion * study_.motion_m);
     limits.tolerance_n = options_.tolerance_n.value_or(kPartOfPeak * study_.peak_force_n);
     limits.tolerance_share = kShareOfObservables;

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+#include "clients/cli/accuracy_report.h"
+
+namespace adhesim {
+
+// The report as one page that stands alone: work-precision diagrams, error against dt, tables, the
+// recommendation, machine and commit.
+std::string AccuracyPage(const AccuracyReport& report);
+
+}  // namespace adhesim

@@ -1,0 +1,117 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace adhesim {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Json = nlohmann::json;
+
+constexpr char kScene[] =
+    "# A small block that sinks under its weight.\n"
+    "rate_hz: 100  # of the author\n"
+    "integration: {max_substeps: 1}\n"
+    "bodies:\n"
+    "  - name: block\n"
+    "    block: {size_m: [0.1, 0.1, 0.1]}\n"
+    "    tetrahedra: {cells: 2}\n"
+    "    density_kg_m3: 1000\n"
+    "    fixed: [half_space: {point_m: [0, 0, -0.0499], normal: [0, 0, 1]}]\n"
+    "effects:\n"
+    "  - elasticity: {young_modulus_pa: 1e5}\n"
+    "  - uniform_gravity: {}\n"
+    "  - drag: {rate_per_s: 20}\n";
+
+// The program's `accuracy` command as users run it, in a directory of its own.
+class AccuracyCommand : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = ::testing::TempDir() + "accuracy_test_" + std::to_string(getpid());
+    std::filesystem::create_directories(directory_);
+    std::ofstream(File("block.yaml")) << kScene;
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  int Run(const std::string& arguments) {
+    const std::string command = std::string(ADHESIM_PROGRAM) + " accuracy " + arguments + " >" +
+                                File("out") + " 2>" + File("err") + " </dev/null";
+    const int status = std::system(command.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string File(const std::string& name) const { return directory_ + "/" + name; }
+  std::string Read(const std::string& name) const {
+    std::ifstream stream(File(name));
+    return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
+  }
+
+  const std::string quick_ = " --quick --repeats 1 --seconds 0.4";
+  std::string directory_;
+};
+
+TEST_F(AccuracyCommand, WritesNumbersAndAPageThatStandsAlone) {
+  ASSERT_EQ(Run(File("block.yaml") + quick_ + " --json - --html " + File("page.html")), 0)
+      << Read("err");
+  const Json report = Json::parse(Read("out"));
+  for (const char* field :
+       {"scene", "seconds", "instants", "reference", "second_reference", "references_share", "band",
+        "chaotic", "dials", "points", "orders", "recommendation", "left_out", "machine"}) {
+    EXPECT_TRUE(report.contains(field)) << field;
+  }
+  const Json& first = report["points"][0];
+  EXPECT_EQ(first["settings"].size(), 0u);  // the scene as it is
+  EXPECT_GT(first["cost"]["wall_s_per_s"]["min"], 0);
+  EXPECT_GT(first["error"]["position_m"]["l2"], 0);
+  EXPECT_GE(first["error"]["position_m"]["linf"], first["error"]["position_m"]["l2"]);
+  int failed = 0;
+  for (const Json& point : report["points"]) {
+    if (!point["failed"]) continue;
+    ++failed;
+    EXPECT_THAT(point["reason"].get<std::string>(), HasSubstr("sub-steps"));
+  }
+  EXPECT_EQ(failed, 1);
+
+  const std::string page = Read("page.html");
+  EXPECT_THAT(page, HasSubstr("<svg"));
+  EXPECT_THAT(page, HasSubstr("class=\"fails\">failed"));
+  EXPECT_THAT(page, HasSubstr("Recommendation"));
+  EXPECT_THAT(page, HasSubstr("difference of the two references"));
+  for (const char* outside : {"http:", "https:", "<script", "<link", "@import", "src="}) {
+    EXPECT_THAT(page, Not(HasSubstr(outside)));
+  }
+}
+
+TEST_F(AccuracyCommand, AppliesWhatItRecommendsAndKeepsTheRest) {
+  // Wide enough for any rate: the cheapest is another than the scene's own, or nothing is to do.
+  ASSERT_EQ(Run(File("block.yaml") + quick_ + " --tolerance-mm 1000 --apply"), 0) << Read("err");
+  const std::string text = Read("block.yaml");
+  EXPECT_THAT(text, HasSubstr("# A small block that sinks under its weight.\n"));
+  EXPECT_THAT(text, HasSubstr("  # of the author\n"));
+  EXPECT_THAT(text, HasSubstr("bodies:\n  - name: block\n"));
+}
+
+TEST_F(AccuracyCommand, ChangesNothingWhenNoSettingIsWithinTheTolerance) {
+  EXPECT_EQ(Run(File("block.yaml") + quick_ + " --tolerance-mm 1e-9 --apply"), 1);
+  EXPECT_THAT(Read("err"), HasSubstr("no setting is within the tolerance"));
+  EXPECT_EQ(Read("block.yaml"), kScene);
+}
+
+TEST_F(AccuracyCommand, RefusesBadInputAndTellsWhenTheTimeIsTooShort) {
+  EXPECT_EQ(Run(File("none.yaml")), 2);
+  EXPECT_EQ(Run(File("block.yaml") + " --repeats 0"), 2);
+  EXPECT_EQ(Run(File("block.yaml") + " --apply --set rate_hz=50"), 2);
+  // Hours of simulated time do not fit into a tenth of a second.
+  EXPECT_EQ(Run(File("block.yaml") + " --seconds 10000 --budget-s 0.1"), 1);
+  EXPECT_THAT(Read("err"), HasSubstr("budget"));
+}
+
+}  // namespace
+}  // namespace adhesim
