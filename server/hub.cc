@@ -117,7 +117,7 @@ void Hub::OnFrame(const SessionFrame& frame, bool fresh) {
     if (!fresh) return;
     EndAll(Error(Reason::kSessionFrozen,
                  absl::StrCat("session ", session_id_, " is frozen since step ", frame.frame.step,
-                              ": a value became non-finite; reset or delete it")));
+                              ": ", frame.frozen_because, "; reset or delete it")));
     return;
   }
   if (fresh && absl::IsFailedPrecondition(refusal_)) refusal_ = absl::OkStatus();  // reset

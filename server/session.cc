@@ -60,7 +60,7 @@ Session::Session(std::unique_ptr<Engine> engine, const Options& options, Session
           {step_budget_s(), engine_->model().dt_s, static_cast<int>(engine_->rungs().size())}),
       inputs_(engine_->model().tools.size()),
       frames_([this] { return FirstFrame(*engine_, state_); }),
-      snapshot_{state_, 0, 0.0, {}},
+      snapshot_{state_, 0, 0.0, {}, ""},
       paused_when_done_(options.paused) {
   totals_.newest_pose.resize(inputs_.size());
   totals_.target_jumps.resize(inputs_.size());
@@ -90,8 +90,9 @@ absl::Status Session::Submit(CommandKind kind, std::uint32_t steps, CommandDone 
   const std::lock_guard lock(mutex_);
   if (stopped_) return Error(Reason::kSessionDeleted, "the session was deleted");
   if (snapshot_.state == v1::SESSION_STATE_FROZEN && kind != CommandKind::kReset) {
-    return Error(Reason::kSessionFrozen,
-                 "the session is frozen since a value became non-finite; reset or delete it");
+    return Error(
+        Reason::kSessionFrozen,
+        absl::StrCat("the session is frozen: ", snapshot_.frozen_because, "; reset or delete it"));
   }
   if (kind == CommandKind::kStep) {
     if (steps < 1 || steps > kMaxStepsAtOnce) {
@@ -273,6 +274,7 @@ void Session::Freeze(const StepReport& report) {
   totals_.report_bits |= report.bits | kStepNonFinite;
   SessionFrame& slot = frames_.back();
   slot = frames_.published();
+  slot.frozen_because = engine_->FrozenBecause();  // allocates: nothing is in a hurry any more
   Publish();
 }
 
@@ -305,6 +307,7 @@ void Session::Publish() {
   slot.releases = totals_.releases;
   slot.report_bits = totals_.report_bits;
   slot.state = state_;
+  if (state_ != v1::SESSION_STATE_FROZEN) slot.frozen_because.clear();
   slot.timing = timing_;
   slot.fidelity = FidelityOf(*engine_);
   slot.fidelity.changes = governor_.changes();
@@ -344,7 +347,8 @@ void Session::Observe(bool fresh) {
   const SessionFrame& frame = frames_.front();
   if (fresh) {
     const std::lock_guard lock(mutex_);
-    snapshot_ = {frame.state, frame.frame.step, frame.frame.time_s, frame.timing};
+    snapshot_ = {frame.state, frame.frame.step, frame.frame.time_s, frame.timing,
+                 frame.frozen_because};
   }
   observer_->OnFrame(frame, fresh);
   if (fresh) FinishCommands(frame.commands_done, absl::OkStatus());

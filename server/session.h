@@ -10,6 +10,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -62,6 +63,7 @@ struct SessionFrame {
   std::uint64_t releases = 0;
   std::uint32_t report_bits = 0;
   v1::SessionState state = v1::SESSION_STATE_RUNNING;
+  std::string frozen_because;  // Engine::FrozenBecause(): what, where and when
   SessionTiming timing;
   SessionFidelity fidelity;
   std::int64_t published_ns = 0;
@@ -116,6 +118,7 @@ class Session {
     std::uint64_t step;
     double time_s;
     SessionTiming timing;
+    std::string frozen_because;
   };
 
   // `observer` outlives the session.

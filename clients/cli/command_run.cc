@@ -106,7 +106,7 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
   // What is wrong was said when it happened.
   if (recorder != nullptr && !recorder->status().ok()) return kExitCheckFailed;
   if ((*engine)->frozen()) {
-    std::cerr << "error: the state became non-finite in step " << statistics.steps << "\n";
+    std::cerr << "error: frozen: " << (*engine)->FrozenBecause() << "\n";
     return kExitCheckFailed;
   }
   return arguments.strict_realtime && statistics.deadline_misses > 0 ? kExitDeadlineMissed

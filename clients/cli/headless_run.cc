@@ -117,6 +117,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
     StepReport report;
     clock.Time([&] { report = engine->Step({}); });
     statistics.report_bits |= report.bits;
+    if (report.bits & kStepNotConverged) ++statistics.unconverged_steps;
     ++statistics.steps;
     if (options.observer != nullptr) {
       if (!engine->frozen()) engine->WriteFrame(&seen.frame);

@@ -29,7 +29,8 @@ struct RunStatistics {
   std::vector<float> wall_ms, cpu_ms;  // of each step measured
   std::int64_t deadline_misses = 0;    // with real time only
   bool interrupted = false;
-  std::uint32_t report_bits = 0;  // StepBit of any step
+  std::uint32_t report_bits = 0;       // StepBit of any step
+  std::int64_t unconverged_steps = 0;  // in which the implicit solver stopped at max_iterations
   CountStatistics colliding_particles, zones;
   std::optional<double> volume_error_max;
   std::optional<Penetration> penetration;  // largest at the sampled instants

@@ -38,6 +38,7 @@ int Main(int argc, char** argv) {
   AddRunCommand(app, &exit_code);
   AddRenderCommand(app, &exit_code);
   AddPaperCommand(app, &exit_code);
+  AddStressCommand(app, &exit_code);
   AddBenchCommand(app, &exit_code);
   AddReplayCommand(app, &exit_code);
   AddSceneCommand(app, &exit_code);

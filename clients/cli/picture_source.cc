@@ -98,7 +98,7 @@ absl::Status RecordInstants(const std::string& scene, const std::vector<std::str
       if (stop()) return absl::CancelledError("interrupted");
       (*engine)->Step({});
       if (!(*engine)->frozen()) continue;
-      return absl::InternalError(absl::StrCat("the state became non-finite in step ", step + 1));
+      return absl::InternalError(absl::StrCat("frozen: ", (*engine)->FrozenBecause()));
     }
     if (!written) (*writer)->Write();
   }

@@ -146,6 +146,7 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},
                  {"finite", !engine.frozen()}};
+  if (engine.frozen()) report["frozen_because"] = engine.FrozenBecause();
   if (!model.tetrahedra.empty()) report["tetrahedra"] = model.tetrahedra.size();
   if (statistics.interrupted) report["interrupted"] = true;
   AddTimes(engine, options, statistics, &report);
@@ -162,6 +163,9 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
   const MomentumLedger& scale = engine.state().momentum;
   const auto relative = [](double imbalance, double of) { return of > 0 ? imbalance / of : 0; };
   report["report"] = ReportNames(statistics.report_bits);
+  if (model.integrator != Integrator::kExplicit) {
+    report["unconverged_steps"] = statistics.unconverged_steps;
+  }
   report["momentum_error"] = {
       {"linear", relative(statistics.momentum_imbalance.linear, scale.scale_linear)},
       {"angular", relative(statistics.momentum_imbalance.angular, scale.scale_angular)}};
@@ -202,6 +206,11 @@ std::string RunReportText(const Json& report) {
                   Number(report["energy"]["identity_error"]), "\n");
   for (const Json& name : report["report"]) {
     absl::StrAppend(&text, "report    ", name.get<std::string>(), "\n");
+  }
+  if (report.value("unconverged_steps", 0) > 0) {
+    absl::StrAppend(&text, "solver    stopped at max_iterations in ",
+                    report["unconverged_steps"].get<std::int64_t>(),
+                    " steps: their forces err by more than the tolerance\n");
   }
   absl::StrAppend(&text, "momentum  error ", Number(report["momentum_error"]["linear"]),
                   " linear, ", Number(report["momentum_error"]["angular"]), " angular\n");

@@ -31,6 +31,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   calm_.reserve(4 * model.rest_position_m.size() + 64);
+  moves_with_.reserve(model.rest_position_m.size());
   told_.reserve(8 * model.rest_position_m.size() + 64);  // as the detector's
   kept_.reserve(4 * model.rest_position_m.size() + 64);
   edge_near_.reserve(4 * (8 * model.rest_position_m.size() + 64));
@@ -55,6 +56,7 @@ bool Adhesive::Hold(Bond bond, Contacts* contacts, StepReport* report) {
     return false;
   }
   bond.calm = at->calm;
+  bond.Continue(*at);
   for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
   bond.holds_particle |= at->holds_particle;
   bond.holds_partner |= at->holds_partner;
@@ -125,6 +127,8 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   int captured = 0;
   for (const NearPair& candidate : near) {
     if (candidate.gap_m >= capture_distance_m_) continue;
+    // What moves as one does not approach.
+    if (!slides() && candidate.gap_m >= 0 && MoveAsOne(*contacts, candidate)) continue;
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
@@ -134,7 +138,7 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
     // What may slide does no harm before it comes nearer.
     if (!slides() && candidate.gap_m >= 0 && speed >= -still) continue;
     if (LetGo(candidate.particle, candidate.body, candidate.gap_m, *contacts)) continue;
-    Bond bond = BondOf(candidate);
+    Bond bond = BondOf(candidate, state.time_s);
     if (IsBonded(candidate, *contacts)) {
       if (bond.sliding) continue;  // FollowSliding keeps it where it touches
       // Something that is not a member brings them nearer all the same: a corner of little weight,
@@ -153,8 +157,9 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   return captured + apart + static_cast<int>(std::erase_if(contacts->bonds, passed));
 }
 
-Bond Adhesive::BondOf(const NearPair& near) const {
+Bond Adhesive::BondOf(const NearPair& near, double time_s) const {
   Bond bond;
+  bond.since_s = time_s;
   bond.particle = near.particle;
   bond.triangle = near.triangle;
   bond.side = near.side;
@@ -210,6 +215,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
   for (const NearTool& pair : near) {
     if (pair.gap_m >= capture_distance_m_ || !(pair.approaching || pair.gap_m < 0)) continue;
     Bond bond;
+    bond.since_s = state.time_s;
     bond.tool = pair.tool;
     bond.triangle = pair.triangle;
     bond.sticky = pair.sticky;
@@ -232,6 +238,7 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
       // The contact point may have moved: what it held, it keeps.
       for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
+      bond.Continue(*at);
       *at = bond;
       ++captured;
     } else {

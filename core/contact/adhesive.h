@@ -41,6 +41,11 @@ class Adhesive {
 
   explicit Adhesive(const Model& model);
 
+  // [#particles] the zone of those particles whose edges need no looking at against edges of the
+  // same zone: nothing brings them nearer, and no end waits for having been further apart. -1: of
+  // all others.
+  std::span<const std::int32_t> MovesWith(const Contacts& contacts);
+
   // The pairs with their sides told by winding numbers where a particle seems to be inside a closed
   // body: one that is outside sees the back of a surface that has folded over, and that is to be
   // kept off like a sheet. One that is inside makes the contacts `overlapping`.
@@ -66,7 +71,7 @@ class Adhesive {
 
   // Renews where sliding bonds touch, drops those that are further apart than d_off, and makes
   // those that friction has stopped stick. Returns the number of changes.
-  int FollowSliding(std::span<const NearPair> near, Contacts* contacts);
+  int FollowSliding(std::span<const NearPair> near, double time_s, Contacts* contacts);
   // What became of the sliding bonds in the sub-step just done, by bond: see ContactRows.
   void EndSliding(int bond, bool held, bool parted, Contacts* contacts);
   // Removes the bonds that parted.
@@ -128,10 +133,13 @@ class Adhesive {
   int CaptureEdges(std::span<const NearEdges> near, const State& state, double still_m_s,
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
-  Bond BondOf(const NearPair& near) const;
+  Bond BondOf(const NearPair& near, double time_s) const;
   bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
   bool MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
                  int second) const;
+  bool MoveAsOne(const Contacts& contacts, const NearPair& pair) const {
+    return MoveAsOne(contacts, pair.triangle, pair.weights, pair.particle, pair.particle);
+  }
   int HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const;
   // Adds the bond, or to that of the same features what it has more. True if anything is new.
   static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
@@ -175,6 +183,7 @@ class Adhesive {
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool
   std::vector<NearPair> told_;              // see TellInside
+  std::vector<std::int32_t> moves_with_;    // see MovesWith
   std::vector<ReleasedPair> kept_;
   std::vector<std::pair<std::int32_t, std::int32_t>> calm_;  // bodies, ascending
   std::vector<std::pair<std::int32_t, std::int32_t>>

@@ -81,6 +81,7 @@ int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const
   bond.calm = ZoneBuilder::kAcrossPatches;
   const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
   if (at != contacts->bonds.end() && !KeyLess(bond, *at) && at->calm != bond.calm) {
+    bond.Continue(*at);
     *at = bond;  // it slid, or held within its patch only
     return 1;
   }
@@ -93,8 +94,8 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
   int captured = 0;
   for (const NearPair& pair : near) {
     if (pair.gap_m < 0) continue;  // inside a body: it may leave
-    if (MoveAsOne(*contacts, pair.triangle, pair.weights, pair.particle, pair.particle)) continue;
-    const Bond bond = BondOf(pair);
+    if (MoveAsOne(*contacts, pair)) continue;
+    const Bond bond = BondOf(pair, state.time_s);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }
   for (const NearEdges& pair : near_edges) {

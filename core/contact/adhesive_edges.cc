@@ -7,6 +7,12 @@
 
 namespace adhesim {
 
+std::span<const std::int32_t> Adhesive::MovesWith(const Contacts& contacts) {
+  moves_with_.assign(contacts.zone_of.begin(), contacts.zone_of.end());
+  for (const ReleasedPair& pair : contacts.released) moves_with_[pair.particle] = -1;
+  return moves_with_;
+}
+
 // Of the edges within d_off, (particle, other body) of all ends.
 void Adhesive::ListEdgeEnds(std::span<const NearEdges> near) {
   edge_near_.clear();
@@ -41,6 +47,7 @@ int Adhesive::CaptureEdges(std::span<const NearEdges> near, const State& state, 
 
 Bond Adhesive::BondOf(const NearEdges& near, const State& state) const {
   Bond bond;
+  bond.since_s = state.time_s;
   bond.particle = near.ends[0];
   bond.partner = near.ends[1];
   bond.partner_weight = near.s;

@@ -147,7 +147,7 @@ int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
       [&](const RigidInterfaces::Cut& cut) {
         Limit limit{cut.normal_sum, 0, 0, true, true, false, false};
         Bear(cut.tool, LimitOf(cut.tool, cut.sticky, cut.area_m2, cut.mass_kg, model_),
-             cut.tool >= 0 ? strength_scale[cut.tool] : 1, &limit);
+             cut.strength_scale * (cut.tool >= 0 ? strength_scale[cut.tool] : 1), &limit);
         const Demand demand = DemandOn(limit, cut.load_n);
         contacts->zones[cut.zone].load = std::max(contacts->zones[cut.zone].load, demand.ratio);
         const int first = contacts->zone_members[contacts->zones[cut.zone].first];
@@ -188,6 +188,7 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
     } else if (slides && bond.Holds()) {
       bond.sliding = true;
+      bond.strength_scale = 1;
       bond.calm = 0;
       ShowMembers(&bond);
     }
@@ -197,9 +198,15 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
 
 int Adhesive::DropApart(std::span<const Vec3> position_m, Contacts* contacts) const {
   const bool patches = model_.adhesive->patch_size_m.has_value();
+  // Where zones neither begin after a move nor are taken apart by corrections.
+  const bool keeps_gaps = !slides() && !contacts->overlapping;
   return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) {
     if (bond.tool >= 0 || bond.sliding) return false;
-    // Where all that matters moves as one, so does the gap.
+    // Where all that matters moves as one, so does the gap: all that has any weight, or members.
+    if (keeps_gaps && MoveAsOne(*contacts, bond.triangle, Vec3(bond.weights.data()), bond.particle,
+                                bond.partner >= 0 ? bond.partner : bond.particle)) {
+      return false;
+    }
     bool whole = !patches && (bond.holds_particle || 1 - bond.partner_weight <= kMinWeight) &&
                  (bond.partner < 0 || bond.holds_partner || bond.partner_weight <= kMinWeight);
     for (int k = 0; k < 3; ++k)

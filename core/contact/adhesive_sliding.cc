@@ -12,7 +12,7 @@ std::pair<std::int32_t, std::int32_t> Adhesive::BodiesOf(const Bond& bond) const
                      model_.body_of[model_.triangles[bond.triangle][0]]);
 }
 
-int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) {
+int Adhesive::FollowSliding(std::span<const NearPair> near, double time_s, Contacts* contacts) {
   // All that friction holds between two bodies sticks at the same time: a few that stick would have
   // to carry everything.
   calm_.clear();
@@ -25,6 +25,7 @@ int Adhesive::FollowSliding(std::span<const NearPair> near, Contacts* contacts) 
     if (!bond.sliding) continue;
     if (bond.calm > 0 && std::binary_search(calm_.begin(), calm_.end(), BodiesOf(bond))) {
       bond.sliding = false;
+      bond.since_s = time_s;
       ++changes;
     }
     if (bond.partner >= 0) {  // those that Capture() does not find again go

@@ -166,9 +166,7 @@ bool BodyPairs::FindRegion(BodyPair* pair, std::span<const Vec3> position_m) {
       for (int p : model_.triangles[t]) round_of_[p] = round_;
     });
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
-      const bool inner = model_.incident_start[p] == model_.incident_start[p + 1];
-      if (round_of_[p] == round_ || (inner && box.Contains(reference_m_[p])))
-        room = room && regions_.Push({position_m[p], p});
+      if (round_of_[p] == round_) room = room && regions_.Push({position_m[p], p});
     }
   }
   pair->region = regions_.End();

@@ -264,10 +264,11 @@ std::span<const NearPair> Detector::Find(std::span<const Vec3> position_m, Paral
   return near_;
 }
 
-std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
-                                               StepReport* report) {
+std::span<const NearEdges> Detector::FindEdges(std::span<const Vec3> position_m,
+                                               std::span<const std::int32_t> moves_with,
+                                               Parallel* parallel, StepReport* report) {
   if (!edge_pairs_) return {};
-  return edge_pairs_->Find(bodies_, position_m, reach_m_, parallel, report);
+  return edge_pairs_->Find(bodies_, position_m, moves_with, reach_m_, parallel, report);
 }
 
 NearPair Detector::Evaluate(const Work& group, std::span<const Vec3> position_m) const {

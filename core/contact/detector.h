@@ -43,8 +43,10 @@ class Detector {
   // (particle, body).
   std::span<const NearPair> Find(std::span<const Vec3> position_m, Parallel* parallel);
 
-  // The same for edges over edges (EdgePairs); those that could not be listed are reported.
-  std::span<const NearEdges> FindEdges(std::span<const Vec3> position_m, Parallel* parallel,
+  // The same for edges over edges, but for those that move as one (EdgePairs::Find); those that
+  // could not be listed are reported.
+  std::span<const NearEdges> FindEdges(std::span<const Vec3> position_m,
+                                       std::span<const std::int32_t> moves_with, Parallel* parallel,
                                        StepReport* report);
 
   double reach_m() const { return reach_m_; }

@@ -272,7 +272,16 @@ bool EdgePairs::Evaluate(const EdgePair& pair, const Crossing& crossing,
   return true;
 }
 
-void EdgePairs::CollectWork(const BodyPairs& bodies, double reach_m) {
+void EdgePairs::CollectWork(const BodyPairs& bodies, std::span<const std::int32_t> moves_with,
+                            double reach_m) {
+  // What is listed of two edges in one zone stays as it is; of an aggregate these are most.
+  const auto as_one = [&](const Candidate& candidate) {
+    if (moves_with.empty()) return false;
+    const auto &a = ends_[candidate.a], &b = ends_[candidate.b];
+    const std::int32_t with = moves_with[a[0]];
+    return with >= 0 && moves_with[a[1]] == with && moves_with[b[0]] == with &&
+           moves_with[b[1]] == with;
+  };
   work_.clear();
   for (const BodyPair& pair : bodies.pairs()) {
     if (pair.body > pair.other) continue;
@@ -280,15 +289,16 @@ void EdgePairs::CollectWork(const BodyPairs& bodies, double reach_m) {
     for (const Candidate& candidate : candidates_[pair.edges]) {
       // By distance: what was further apart cannot be in reach, nor what follows.
       if (candidate.distance_m - nearer_m > reach_m) break;
-      work_.push_back({candidate.a, candidate.b});
+      if (!as_one(candidate)) work_.push_back({candidate.a, candidate.b});
     }
   }
 }
 
 std::span<const NearEdges> EdgePairs::Find(const BodyPairs& bodies,
-                                           std::span<const Vec3> position_m, double reach_m,
+                                           std::span<const Vec3> position_m,
+                                           std::span<const std::int32_t> moves_with, double reach_m,
                                            Parallel* parallel, StepReport* report) {
-  CollectWork(bodies, reach_m);
+  CollectWork(bodies, moves_with, reach_m);
   crosses_.resize(work_.size());
   parallel->VectorFor(static_cast<int>(work_.size()), kGrain, [&](int begin, int end) {
     for (int w = begin; w < end; w += kLanes)

@@ -49,9 +49,11 @@ class EdgePairs {
   void Keep(ListSpan* list) { candidates_.Keep(list); }
   void EndCopy() { candidates_.EndCopy(); }
 
-  // Pairs with |gap| <= reach, ascending by (edge a, edge b). Allocates nothing.
+  // Pairs with |gap| <= reach, ascending by (edge a, edge b), but for those whose four ends move as
+  // one: `moves_with` [#particles] has one number >= 0 for them; empty: none do. Allocates nothing.
   std::span<const NearEdges> Find(const BodyPairs& bodies, std::span<const Vec3> position_m,
-                                  double reach_m, Parallel* parallel, StepReport* report);
+                                  std::span<const std::int32_t> moves_with, double reach_m,
+                                  Parallel* parallel, StepReport* report);
 
  private:
   // Sine of the angle by which o may lead into a face. 0 would lose edges between coplanar faces to
@@ -77,7 +79,8 @@ class EdgePairs {
   bool ListEdge(int edge, const RestNeighbours* rest, std::span<const Vec3> position_m,
                 const Query& query);
   void MarkInside(int begin, int end, double reach_sq_m2, std::span<const Vec3> position_m);
-  void CollectWork(const BodyPairs& bodies, double reach_m);
+  void CollectWork(const BodyPairs& bodies, std::span<const std::int32_t> moves_with,
+                   double reach_m);
   bool BelongTogether(const RestNeighbours& rest, const Edge& a, const Edge& b) const;
   // Where two lines are nearest, if that is inside both edges and within reach.
   struct Crossing {

@@ -81,7 +81,8 @@ void Overlap::FindIn(int b, std::span<const Vec3> position_m) {
     if (!box_[b].Overlaps(box_[o])) continue;
     for (int p = other.first_particle; p < other.first_particle + other.particle_count; ++p) {
       if (inside_.size() == inside_.capacity()) break;  // the rest in a later step
-      if (!box_[b].Contains(position_m[p]) || (model_.fixed[p] && body.all_fixed) ||
+      if (!model_.OnSurface(p) || !box_[b].Contains(position_m[p]) ||
+          (model_.fixed[p] && body.all_fixed) ||
           !IsInside(model_, body, position_m, InnerPoint(p, position_m))) {
         continue;
       }

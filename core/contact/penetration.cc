@@ -87,7 +87,8 @@ Penetration MeasurePenetration(const Model& model, std::span<const Vec3> positio
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
       box.Add(position_m[p]);
     for (int p = 0; p < model.particle_count(); ++p) {
-      if (model.body_of[p] == static_cast<int>(b) || !box.Contains(position_m[p])) continue;
+      if (model.body_of[p] == static_cast<int>(b) || !model.OnSurface(p)) continue;
+      if (!box.Contains(position_m[p])) continue;
       if (!IsInside(model, body, position_m, position_m[p])) continue;
       double nearest_sq = std::numeric_limits<double>::infinity();
       for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {

@@ -10,6 +10,7 @@ RigidInterfaces::RigidInterfaces(const Model& model) : model_(model) {
   held_.assign(nodes, 1);
   for (std::size_t b = 0; b < model.bodies.size(); ++b) {
     const Body& body = model.bodies[b];
+    any_rigid_ = any_rigid_ || body.rigid;
     const auto first = model.fixed.begin() + body.first_particle;
     held_[b] = std::count(first, first + body.particle_count, 1) > 0;
   }

@@ -28,6 +28,7 @@ class RigidInterfaces {
     Vec3 load_n = Vec3::Zero();
     Vec3 normal_sum = Vec3::Zero();   // from the other side to the loaded one
     double area_m2 = 0, mass_kg = 0;  // of the side with the smaller area
+    double strength_scale = 1;        // mean of its bonds' over that area
     int tool = -1;                    // the tool of the interface, or -1
     bool sticky = true;
   };
@@ -39,6 +40,7 @@ class RigidInterfaces {
   int Release(const Contacts& contacts, std::span<const Vec3> load_n, const NormalOf& normal_of,
               const Judge& judge, std::vector<std::uint8_t>* verdict) {
     int count = 0;
+    if (!any_rigid_) return count;
     CollectEdges(contacts);
     for (std::size_t e = 0; e < edges_.size(); ++e) {
       Cut cut;
@@ -71,6 +73,7 @@ class RigidInterfaces {
   void Measure(int edge, const Contacts& contacts, const NormalOf& normal_of, Cut* cut);
 
   const Model& model_;
+  bool any_rigid_ = false;                  // bodies, without which there are no interfaces
   std::vector<std::uint8_t> held_;          // [#bodies + #tools] fixed, or driven by a tool
   std::vector<Edge> edges_;                 // between any two nodes; sorted
   std::vector<std::int32_t> edge_of_bond_;  // [#bonds] or -1
@@ -81,21 +84,21 @@ class RigidInterfaces {
 template <typename NormalOf>
 void RigidInterfaces::Measure(int edge, const Contacts& contacts, const NormalOf& normal_of,
                               Cut* cut) {
-  double area[2] = {0, 0}, mass[2] = {0, 0};
-  const auto count = [&](int p) {
-    if (stamp_[p] == edge) return;
-    stamp_[p] = edge;
-    const int side = model_.body_of[p] == cut->node ? 0 : 1;
-    area[side] += model_.area_m2[p];
-    mass[side] += model_.mass_kg[p];
-  };
+  double area[2] = {0, 0}, mass[2] = {0, 0}, scaled[2] = {0, 0};
   for (std::size_t b = 0; b < contacts.bonds.size(); ++b) {
     if (edge_of_bond_[b] != edge) continue;
     const Bond& bond = contacts.bonds[b];
     // A bond's normal points to its particle; a tool's to the tissue.
     const bool towards = bond.tool >= 0 || model_.body_of[bond.particle] == cut->node;
     cut->normal_sum += towards ? normal_of(bond) : Vec3(-normal_of(bond));
-    bond.ForEachMember(count);
+    bond.ForEachMember([&](int p) {
+      if (stamp_[p] == edge) return;
+      stamp_[p] = edge;
+      const int side = model_.body_of[p] == cut->node ? 0 : 1;
+      area[side] += model_.area_m2[p];
+      mass[side] += model_.mass_kg[p];
+      scaled[side] += bond.strength_scale * model_.area_m2[p];
+    });
     if (bond.tool >= 0) {
       cut->tool = bond.tool;
       cut->sticky = bond.sticky;
@@ -104,6 +107,7 @@ void RigidInterfaces::Measure(int edge, const Contacts& contacts, const NormalOf
   const int weaker = cut->tool < 0 && area[1] < area[0] ? 1 : 0;
   cut->area_m2 = area[weaker];
   cut->mass_kg = mass[weaker];
+  if (area[weaker] > 0) cut->strength_scale = scaled[weaker] / area[weaker];
 }
 
 }  // namespace adhesim

@@ -18,7 +18,7 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   old_zone_of_.resize(model.rest_position_m.size());
   if (model.adhesive && model.adhesive->patch_size_m) patch_.resize(model.rest_position_m.size());
   carried_ = CarriedIndex(model);
-  for (auto* array : {&old_id_, &shared_, &heir_, &heir_shared_})
+  for (auto* array : {&old_id_, &old_size_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
 }
 
@@ -54,8 +54,9 @@ bool ZoneBuilder::Unite(int a, int b) {
 
 bool ZoneBuilder::UniteCarriers(int particle) {
   if (carried_.empty() || carried_[particle] < 0) return true;
-  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
-    if (!Unite(particle, carrier)) return false;
+  const CarriedParticle& c = model_.carried[carried_[particle]];
+  for (int k = 0; k < 4; ++k) {
+    if (c.weights[k] != 0 && !Unite(particle, c.carriers[k])) return false;
   }
   return true;
 }
@@ -67,12 +68,13 @@ bool ZoneBuilder::UniteMember(int anchor, int particle) {
 void ZoneBuilder::MarkMember(int particle) {
   member_[particle] = 1;
   if (carried_.empty() || carried_[particle] < 0) return;
-  for (const std::int32_t carrier : model_.carried[carried_[particle]].carriers) {
-    member_[carrier] = 1;
+  const CarriedParticle& c = model_.carried[carried_[particle]];
+  for (int k = 0; k < 4; ++k) {
+    if (c.weights[k] != 0) member_[c.carriers[k]] = 1;
   }
 }
 
-void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
+bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   std::iota(parent_.begin(), parent_.end(), 0);
   std::fill(prescriber_.begin(), prescriber_.end(), kNobody);
   std::fill(member_.begin(), member_.end(), 0);
@@ -86,9 +88,13 @@ void ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   UniteMeshEdges();
   old_zone_of_ = contacts->zone_of;
   old_id_.clear();
-  for (const Zone& zone : contacts->zones) old_id_.push_back(zone.id);
+  old_size_.clear();
+  for (const Zone& zone : contacts->zones) {
+    old_id_.push_back(zone.id);
+    old_size_.push_back(zone.count);
+  }
   CollectZones(contacts);
-  KeepIds(contacts);
+  return KeepIds(contacts) < static_cast<int>(old_id_.size());
 }
 
 void ZoneBuilder::MarkPatches(const Contacts& contacts) {
@@ -227,7 +233,8 @@ void ZoneBuilder::CollectZones(Contacts* contacts) {
   }
 }
 
-void ZoneBuilder::KeepIds(Contacts* contacts) {
+int ZoneBuilder::KeepIds(Contacts* contacts) {
+  int whole = 0;
   const int old_count = static_cast<int>(old_id_.size());
   shared_.assign(old_count, 0);
   heir_.assign(old_count, -1);
@@ -247,7 +254,10 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
     }
     const int best_count = best >= 0 ? shared_[best] : 0;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      if (const int old = old_zone_of_[contacts->zone_members[k]]; old >= 0) shared_[old] = 0;
+      const int old = old_zone_of_[contacts->zone_members[k]];
+      if (old < 0) continue;
+      whole += shared_[old] == old_size_[old];
+      shared_[old] = 0;
     }
     // ... and the claimant with the most gets it (the first, if several).
     if (best >= 0 && best_count > heir_shared_[best]) {
@@ -262,6 +272,7 @@ void ZoneBuilder::KeepIds(Contacts* contacts) {
   for (Zone& zone : contacts->zones) {
     if (zone.id < 0) zone.id = contacts->next_zone_id++;
   }
+  return whole;
 }
 
 }  // namespace adhesim

@@ -30,9 +30,9 @@ class ZoneBuilder {
   explicit ZoneBuilder(const Model& model);
 
   // Rewrites zones, zone_members and zone_of. Zones keep the number of the old zone that most of
-  // their members come from. Removes from the bonds what a refused union made meaningless.
-  // Allocates nothing.
-  void Rebuild(Contacts* contacts, StepReport* report);
+  // their members come from. Removes from the bonds what a refused union made meaningless. True if
+  // some zone has lost members, be it to another. Allocates nothing.
+  bool Rebuild(Contacts* contacts, StepReport* report);
 
   // Reserves every array of the contacts that Rebuild and the adhesive fill.
   static void Reserve(const Model& model, Contacts* contacts);
@@ -63,7 +63,8 @@ class ZoneBuilder {
   void UniteRigidBodies();
   void UniteMeshEdges();
   void CollectZones(Contacts* contacts);
-  void KeepIds(Contacts* contacts);
+  // Returns the number of old zones of which no member left.
+  int KeepIds(Contacts* contacts);
 
   const Model& model_;
   std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
@@ -76,6 +77,7 @@ class ZoneBuilder {
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]
   std::vector<std::int32_t> old_id_;       // [#old zones]
+  std::vector<std::int32_t> old_size_;     // [#old zones] members
   std::vector<std::int32_t> shared_;       // [#old zones] members shared with the zone looked at
   std::vector<std::int32_t> heir_;         // [#old zones] new zone that takes its number
   std::vector<std::int32_t> heir_shared_;  // [#old zones]

@@ -1,10 +1,13 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
+#include "core/engine/heap_meter.h"
 #include "core/engine/pipeline.h"
 #include "core/model/carried.h"
+#include "core/model/effect_name.h"
 
 namespace adhesim {
 
@@ -40,26 +43,42 @@ absl::Status Pipeline::CompileEffects() {
   unsigned kinds = 0;
   int state_size = 0;
   std::vector<const Effect*> constraints;
-  for (const v1::Effect& message : model_->scene.effects()) {
-    if (message.has_virtual_adhesive()) continue;  // contact, not a force: below
+  HeapMeter heap;
+  const std::size_t n = model_->rest_position_m.size();
+  for (int i = 0; i < model_->scene.effects_size(); ++i) {
+    const v1::Effect& message = model_->scene.effects(i);
+    const std::string path = absl::StrCat("effects[", i, "].", EffectName(message));
+    if (message.has_virtual_adhesive()) {
+      adhesive_path_ = path;
+      continue;  // contact, not a force: below
+    }
+    heap.Take();
     absl::StatusOr<std::unique_ptr<Effect>> effect = MakeEffect(*model_, message);
     if (!effect.ok()) return effect.status();
+    const int new_kinds = std::popcount((*effect)->force_kinds() & ~kinds);
     kinds |= (*effect)->force_kinds();
+    effect_path_.push_back(path);
+    bytes_.effects.push_back(heap.Take() + n * sizeof(Vec3) * static_cast<std::size_t>(new_kinds) +
+                             sizeof(double) * (*effect)->state_size());
     effect_state_first_.push_back(state_size);
     state_size += (*effect)->state_size();
+    strengths_scale_ = strengths_scale_ || (*effect)->scales_strengths();
     if (!(*effect)->constraints().empty()) constraints.push_back(effect->get());
     effects_.push_back(*std::move(effect));
   }
-  const std::size_t n = model_->rest_position_m.size();
   for (int kind = 0; kind < kForceKinds; ++kind) {
     if (kinds & (1u << kind)) force_n_[kind].assign(n, Vec3::Zero());
   }
+  heap.Take();
   total_force_n_.assign(n, Vec3::Zero());
   solver_ = std::make_unique<SubspaceSolver>(*model_, constraints);
+  bytes_.solve = heap.Take();
   if (absl::Status status = CompileImplicit(); !status.ok()) return status;
+  heap.Take();
   zone_builder_ = std::make_unique<ZoneBuilder>(*model_);
   CompileContact();
   frame_writer_ = std::make_unique<FrameWriter>(*model_, effects_);
+  bytes_.book += heap.Take();
   start_.effect_state.assign(state_size, 0);
   return absl::OkStatus();
 }
@@ -71,11 +90,14 @@ absl::Status Pipeline::CompileImplicit() {
     if (effects_[e]->has_stiffness()) stiff.push_back({effects_[e].get(), effect_state_first_[e]});
   }
   if (stiff.empty()) return absl::OkStatus();
+  HeapMeter heap;
   implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff));
   implicit_damping_n_ = total_force_n_;
+  bytes_.solve += heap.Take();
   if (!model_->tools.empty()) {
     force_error_ = std::make_unique<ForceError>(*model_);
     error_bar_.resize(model_->tools.size());
+    bytes_.error = heap.Take();
   }
   start_.velocity_change_m_s = total_force_n_;
   // A constraint that is met after the solve moves particles against stiffness that it does not
@@ -102,7 +124,9 @@ void Pipeline::CompileContact() {
     reach_m = std::max(reach_m, within_m);
   };
   if (model_->adhesive) {
+    HeapMeter heap;
     adhesive_ = std::make_unique<Adhesive>(*model_);
+    bytes_.zones = heap.Take();
     const double capture_m = model_->adhesive->capture_distance_m;
     feels(capture_m, std::max(capture_m, model_->adhesive->release_distance_m));
   }
@@ -117,7 +141,9 @@ void Pipeline::CompileContact() {
       options.self_apart_m = model_->adhesive->release_distance_m;
     }
   }
+  HeapMeter heap;
   detector_ = std::make_unique<Detector>(*model_, reach_m, options);
+  bytes_.detect = heap.Take();
 }
 
 // Symplectic Euler is stable while w^2 dt^2 + 2 d dt < 4 (w^2 = k/m, d = c/m), k and c bounds of
@@ -157,6 +183,7 @@ absl::Status Pipeline::ChooseSubsteps() {
 absl::Status Pipeline::CompileTools() {
   const std::size_t tools = model_->tools.size();
   if (tools == 0) return absl::OkStatus();
+  HeapMeter heap;
   // What is fixed stops tools, whatever body it is part of.
   std::vector<Triangle> fixed;
   for (const Triangle& t : model_->triangles) {
@@ -175,24 +202,47 @@ absl::Status Pipeline::CompileTools() {
   coupling_impulse_.resize(tools);
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);
+  bytes_.tools = heap.Take();
   return absl::OkStatus();
 }
 
+Engine::Stage Pipeline::EffectStage(std::size_t e) const {
+  const std::string name(effects_[e]->name());
+  return {name, "effects: " + name, {effect_path_[e]}, bytes_.effects[e]};
+}
+
 void Pipeline::NameStages() {
-  if (detector_) detect_stage_ = clock_.Add("detect", "effects of contact");
-  if (adhesive_) zones_stage_ = clock_.Add("zones", "effects: virtual_adhesive");
+  std::vector<std::string> contact, solve = {"bodies"}, error = {"tools"};
+  if (adhesive_) contact.push_back(adhesive_path_);
   bool rows = false;
-  for (const auto& effect : effects_) {
-    const bool forces = effect->force_kinds() != 0;
-    effect_stage_.push_back(
-        forces ? clock_.Add(std::string(effect->name()), "effects: " + std::string(effect->name()))
-               : -1);
-    rows = rows || !effect->constraints().empty();
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    if (effects_[e]->contact_reach_m() > 0) contact.push_back(effect_path_[e]);
+    if (IsImplicit(*effects_[e])) error.push_back(effect_path_[e]);
+    if (!effects_[e]->constraints().empty()) {
+      rows = true;
+      bytes_.solve += bytes_.effects[e];
+    } else if (!IsImplicit(*effects_[e])) {
+      continue;
+    }
+    solve.push_back(effect_path_[e]);
   }
-  if (tool_set_) tools_stage_ = clock_.Add("tools", "tools");
-  solve_stage_ = clock_.Add("solve", rows ? "bodies, effects: volume_preservation" : "bodies");
-  if (force_error_) error_stage_ = clock_.Add("error", "tools' force error bars");
-  book_stage_ = clock_.Add("book", "energy and momentum ledgers");
+  if (detector_)
+    detect_stage_ = clock_.Add({"detect", "effects of contact", contact, bytes_.detect});
+  if (adhesive_) {
+    zones_stage_ =
+        clock_.Add({"zones", "effects: virtual_adhesive", {adhesive_path_}, bytes_.zones});
+  }
+  for (std::size_t e = 0; e < effects_.size(); ++e) {
+    const bool acts = effects_[e]->force_kinds() != 0 || effects_[e]->scales_strengths();
+    effect_stage_.push_back(acts ? clock_.Add(EffectStage(e)) : -1);
+  }
+  if (tool_set_) tools_stage_ = clock_.Add({"tools", "tools", {"tools"}, bytes_.tools});
+  solve_stage_ = clock_.Add(
+      {"solve", rows ? "bodies, effects: volume_preservation" : "bodies", solve, bytes_.solve});
+  if (force_error_)
+    error_stage_ = clock_.Add({"error", "tools' force error bars", error, bytes_.error});
+  book_stage_ =
+      clock_.Add({"book", "energy and momentum ledgers, frames", {"bodies"}, bytes_.book});
 }
 
 void Pipeline::MakeStartState() {

@@ -68,6 +68,9 @@ class Engine {
   virtual const Model& model() const = 0;
   virtual const State& state() const = 0;
   virtual bool frozen() const = 0;
+  // Why: what became non-finite, where and in which step; empty while the engine is not frozen.
+  // Allocates.
+  virtual std::string FrozenBecause() const { return ""; }
   // Sub-steps of a step by the stability bound (tools and fast particles may need more).
   virtual int substeps() const = 0;
   // Back to the start, or to any earlier state of this engine.
@@ -87,8 +90,10 @@ class Engine {
   // One stage of the compiled pipeline.
   struct Stage {
     std::string name;
-    std::string reason;     // the part of the scene that asked for it
-    std::vector<float> us;  // wall time of the latest steps (ring), filled only when timing is on
+    std::string reason;              // why it is there, in words
+    std::vector<std::string> paths;  // the parts of the scene that asked for it: "effects[0].drag"
+    std::size_t bytes = 0;           // of its arrays, if nothing else took memory meanwhile
+    std::vector<float> us = {};      // wall time of the latest steps (ring), only when timing is on
   };
   virtual std::span<const Stage> stages() const = 0;
   // Times every stage of the next `capacity` steps; 0 switches it off. Allocates here, not in

@@ -177,16 +177,14 @@ void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
   const Search search = NextSearch();
   if (search.particles) near_ = detector_->Find(state_.position_m, &parallel_);
-  if (search.edges) {
-    near_edges_ = detector_->FindEdges(state_.position_m, &parallel_, &report_);
-  }
+  if (search.edges) FindNearEdges();
   clock_.Lap(detect_stage_);
   if (!adhesive_) return;
   if (search.particles) {
     near_ = adhesive_->TellInside(near_, state_.position_m, &state_.contacts);
   }
   int changes = state_.contacts.overlapping ? Adhesive::DropInside(&state_.contacts) : 0;
-  changes += adhesive_->FollowSliding(near_, &state_.contacts);
+  changes += adhesive_->FollowSliding(near_, state_.time_s, &state_.contacts);
   changes += adhesive_->Capture(near_, near_edges_, state_, dt_s, &state_.contacts, &report_);
   if (tool_contacts_) {
     for (std::size_t t = 0; t < state_.tools.size(); ++t) {
@@ -195,11 +193,9 @@ void Pipeline::DetectAndCapture(double dt_s) {
     near_tools_ = tool_contacts_->Find(state_, *detector_, retracted_, dt_s);
     changes += adhesive_->CaptureByTools(near_tools_, state_, &state_.contacts, &report_);
   }
-  if (changes > 0) {
-    zone_builder_->Rebuild(&state_.contacts, &report_);
-    solver_->Capture(&state_, tool_impulse_);
-  }
+  if (changes > 0) RenewZones();
   clock_.Lap(zones_stage_);
+  if (strengths_scale_) ScaleStrengths();
 }
 
 void Pipeline::EndSliding() {
@@ -210,9 +206,7 @@ void Pipeline::EndSliding() {
   }
   const int parted = adhesive_->RemoveParted(&state_.contacts);
   report_.releases += parted;
-  if (parted == 0) return;
-  zone_builder_->Rebuild(&state_.contacts, &report_);
-  solver_->Capture(&state_, tool_impulse_);
+  if (parted > 0) RenewZones();
 }
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
@@ -382,6 +376,7 @@ void Pipeline::Solve(double dt_s) {
     }
     if (changes == 0) {
       releasing = false;
+      if (zones_parted_) FindNearEdges();  // those that moved as one are looked at too
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
       if (changes == 0) return;
@@ -390,9 +385,7 @@ void Pipeline::Solve(double dt_s) {
         return;
       }
     }
-    zone_builder_->Rebuild(&state_.contacts, &report_);
-    // Letting go changes no velocity; this only renews the zones' own momenta then.
-    solver_->Capture(&state_, tool_impulse_);
+    RenewZones();  // letting go changes no velocity, only the zones' own momenta
   }
 }
 
@@ -409,6 +402,7 @@ void Pipeline::Restore(const State& state) {
   frozen_ = false;
   has_forces_ = false;
   searched_ = edges_next_ = false;
+  solver_->Forget();
   if (implicit_) implicit_->Forget();
   if (force_error_) force_error_->Forget();
 }

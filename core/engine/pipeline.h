@@ -10,6 +10,7 @@
 #include "core/effects/registry.h"
 #include "core/engine/engine.h"
 #include "core/engine/frame_writer.h"
+#include "core/engine/freeze_cause.h"
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
@@ -37,6 +38,9 @@ class Pipeline : public Engine {
   const Model& model() const override { return *model_; }
   const State& state() const override { return state_; }
   bool frozen() const override { return frozen_; }
+  std::string FrozenBecause() const override {
+    return frozen_ ? WhyNotFinite(*model_, state_) : "";
+  }
   int substeps() const override { return substeps_; }
   void Reset() override { Restore(start_); }
   void Restore(const State& state) override;
@@ -57,6 +61,7 @@ class Pipeline : public Engine {
   absl::Status CompileTools();
   absl::Status ChooseSubsteps();
   void NameStages();
+  Engine::Stage EffectStage(std::size_t effect) const;
   void MakeStartState();
 
   int SubstepsNow();
@@ -65,6 +70,17 @@ class Pipeline : public Engine {
   void Substep(double dt_s);
   void Separate();
   void DetectAndCapture(double dt_s);
+  void ScaleStrengths();
+  void FindNearEdges() {
+    std::span<const std::int32_t> moves_with;
+    if (adhesive_) moves_with = adhesive_->MovesWith(state_.contacts);
+    near_edges_ = detector_->FindEdges(state_.position_m, moves_with, &parallel_, &report_);
+    zones_parted_ = false;
+  }
+  void RenewZones() {
+    zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
+    solver_->Capture(&state_, tool_impulse_);
+  }
   // Which lists of what is near a sub-step makes anew; the other one is of the sub-step before.
   struct Search {
     bool particles, edges;
@@ -98,6 +114,7 @@ class Pipeline : public Engine {
   StepReport report_;
 
   std::vector<std::unique_ptr<Effect>> effects_;
+  bool strengths_scale_ = false;         // one of them scales strengths
   std::vector<int> effect_state_first_;  // [#effects] into State::effect_state
   std::unique_ptr<Detector> detector_;   // null without contact
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
@@ -121,15 +138,23 @@ class Pipeline : public Engine {
   std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
   std::vector<Pose> tool_pose_;           // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
-  std::vector<ForceError::Bar> error_bar_;          // [#tools] mean over the step; empty likewise
-  std::vector<double> strength_scale_;              // [#tools]
-  std::vector<std::uint8_t> retracted_;             // [#tools]
-  std::span<const NearPair> near_;                  // of this sub-step
-  std::span<const NearEdges> near_edges_;           // of this sub-step
+  std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
+  std::vector<double> strength_scale_;      // [#tools]
+  std::vector<std::uint8_t> retracted_;     // [#tools]
+  std::span<const NearPair> near_;          // of this sub-step
+  std::span<const NearEdges> near_edges_;   // of this sub-step
+  bool zones_parted_ = false;               // zones have lost members since near_edges_ were found
   std::span<const Adhesive::NearTool> near_tools_;  // of this sub-step
 
   StageClock clock_;
-  std::vector<int> effect_stage_;  // [#effects]
+  std::vector<int> effect_stage_;         // [#effects], -1: it is part of others
+  std::vector<std::string> effect_path_;  // [#effects] in the scene
+  std::string adhesive_path_;             // likewise
+  // What compiling took from the heap; of effects with their state and force arrays.
+  struct StageBytes {
+    std::vector<std::size_t> effects;
+    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, book = 0;
+  } bytes_;
   int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
       book_stage_ = 0;
 };

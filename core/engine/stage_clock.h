@@ -11,8 +11,8 @@ namespace adhesim {
 // Wall time of each stage of a step, summed over its sub-steps. Off, it costs one branch a stage.
 class StageClock {
  public:
-  int Add(std::string name, std::string reason) {
-    stages_.push_back({std::move(name), std::move(reason), {}});
+  int Add(Engine::Stage stage) {
+    stages_.push_back(std::move(stage));
     spent_us_.push_back(0);
     return static_cast<int>(stages_.size()) - 1;
   }

@@ -52,8 +52,9 @@ BondLimit LimitOf(int tool, bool sticky, double area_m2, double mass_kg, const M
 }
 
 BondLimit LimitOf(const Bond& bond, int member, const Model& model) {
-  return LimitOf(bond.tool, bond.sticky, model.area_m2[member], model.mass_kg[member], model,
-                 CrackTraction(bond, member, model));
+  const BondLimit one = LimitOf(bond.tool, bond.sticky, model.area_m2[member],
+                                model.mass_kg[member], model, CrackTraction(bond, member, model));
+  return {bond.strength_scale * one.normal_n, bond.strength_scale * one.shear_n};
 }
 
 double CrackTraction(const Bond& bond, int member, const Model& model) {

@@ -7,6 +7,7 @@
 #include "core/model/model.h"
 #include "core/model/near_pair.h"
 #include "core/model/parallel.h"
+#include "core/model/state.h"
 
 namespace adhesim {
 
@@ -29,6 +30,9 @@ struct ForceInput {
   // Particles within contact_reach_m() (or further) of other bodies, ascending by (particle, body);
   // of the beginning of the sub-step.
   std::span<const NearPair> near = {};
+  // An evaluation beside the step's own, such as of positions that an iteration tries: what
+  // remembers the past must not change.
+  bool trial = false;
 };
 
 // Where forces go: N, [#particles], already zero before the first effect adds to them. Only the
@@ -87,6 +91,13 @@ class Effect {
   // Numbers of State::effect_state that it keeps, and their values at the start.
   virtual int state_size() const { return 0; }
   virtual void InitialState(std::span<double> state) const {}
+
+  // --- Strength of adhesion.
+  // True: ScaleStrengths() is called in every sub-step once contacts are known.
+  virtual bool scales_strengths() const { return false; }
+  // Multiplies each Bond::strength_scale, which is 1 before the first effect, by a factor >= 0, and
+  // changes nothing else. `time_s` is that of the step's beginning, as in Bond::since_s.
+  virtual void ScaleStrengths(double time_s, std::span<Bond> bonds) const {}
 
   // --- Constraints.
   virtual std::span<const ConstraintRow> constraints() const { return {}; }

@@ -157,6 +157,11 @@ struct Model {
   v1::Scene scene;
 
   int particle_count() const { return static_cast<int>(rest_position_m.size()); }
+  // Only these touch: not what is inside, and not the nodes of a lattice that carries a surface,
+  // some of which are outside it.
+  bool OnSurface(int particle) const {
+    return incident_start[particle] < incident_start[particle + 1];
+  }
 };
 
 }  // namespace adhesim

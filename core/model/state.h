@@ -31,6 +31,17 @@ struct Bond {
   // Sub-steps for which friction has held it, while it slides; -1: sticks, across patches too.
   std::int8_t calm = 0;
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
+  double since_s = 0;         // simulated time at the beginning of the step in which it took hold
+  double strength_scale = 1;  // what effects make of its strength, see Effect::ScaleStrengths
+
+  // How long it has held; 0 while it slides.
+  double AgeAt(double time_s) const { return sliding ? 0 : time_s - since_s; }
+  // Goes on from `before`, a bond of the same features, if that held.
+  void Continue(const Bond& before) {
+    if (before.sliding) return;
+    since_s = before.since_s;
+    strength_scale = before.strength_scale;
+  }
 
   // True while both sides have members.
   bool Holds() const {

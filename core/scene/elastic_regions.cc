@@ -9,11 +9,12 @@
 #include <vector>
 
 #include "core/model/tissue.h"
+#include "core/scene/field_value.h"
 
 namespace adhesim {
 namespace {
 
-// What a label or a group may be; empty: nothing to say.
+// What a label or a group may be, or where the centres are; empty: nothing to say.
 std::string Permitted(const v1::Region& region, const Model& model,
                       const std::vector<std::int32_t>& tetrahedra) {
   std::set<std::int32_t> labels, groups;
@@ -31,7 +32,14 @@ std::string Permitted(const v1::Region& region, const Model& model,
     return names.empty() ? "; its tetrahedra have no groups"
                          : absl::StrCat("; permitted: ", absl::StrJoin(names, ", "));
   }
-  return "";
+  Aabb centres;
+  for (const std::int32_t t : tetrahedra) {
+    Vec3 sum = Vec3::Zero();
+    for (const std::int32_t p : model.tetrahedra[t]) sum += model.rest_position_m[p];
+    centres.Add(Vec3(0.25 * sum));
+  }
+  return absl::StrCat("; permitted: those that hold the centre of one, which lie within ",
+                      ExtentText(centres));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "core/scene/field_value.h"
 
 #include <absl/strings/numbers.h>
+#include <absl/strings/str_cat.h>
 #include <absl/strings/str_split.h>
 
 #include <string>
@@ -82,6 +83,11 @@ std::optional<Quat> QuatOf(const Message& message, const char* name) {
   const double norm = q.norm();
   if (!(norm > 1e-6)) return std::nullopt;
   return Quat(q.coeffs() / norm);
+}
+
+std::string ExtentText(const Aabb& box) {
+  return absl::StrCat("x ", box.min.x(), " to ", box.max.x(), ", y ", box.min.y(), " to ",
+                      box.max.y(), ", z ", box.min.z(), " to ", box.max.z(), " m");
 }
 
 }  // namespace adhesim

@@ -3,6 +3,7 @@
 #include <google/protobuf/message.h>
 
 #include <optional>
+#include <string>
 
 #include "core/model/geometry.h"
 
@@ -21,5 +22,8 @@ Vec3 Vec3Of(const google::protobuf::Message& message, const char* field);
 // A rotation written w, x, y, z, normalised; nothing when its length is too small to tell a
 // direction.
 std::optional<Quat> QuatOf(const google::protobuf::Message& message, const char* field);
+
+// "x -0.05 to 0.05, y 0 to 0.1, z 0 to 0.2 m", for messages.
+std::string ExtentText(const Aabb& box);
 
 }  // namespace adhesim

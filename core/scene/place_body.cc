@@ -92,8 +92,9 @@ void GiveToCarriers(const TetMesh& mesh, Selection* selected) {
   }
 }
 
+// `box` holds the body.
 std::string NothingSelected(const v1::Body& body, const v1::Region& region, const Body& placed,
-                            const TetMesh& mesh) {
+                            const Aabb& box, const TetMesh& mesh) {
   std::string why = absl::StrCat("selects no particle of body '", body.name(), "'");
   if (region.has_border() && placed.closed)
     absl::StrAppend(&why, ": its surface is closed and has no border");
@@ -103,12 +104,16 @@ std::string NothingSelected(const v1::Body& body, const v1::Region& region, cons
     absl::StrAppend(&why, names.empty() ? ": it has no groups"
                                         : ": its groups are " + absl::StrJoin(names, ", "));
   }
+  if (region.has_ball() || region.has_half_space()) {
+    absl::StrAppend(&why, ": its particles lie within ", ExtentText(box));
+  }
   return why;
 }
 
 // Marks the particles of all regions of a body; each region must select at least one.
 void Fix(const v1::Body& body, const Selection& on_border, const std::string& path,
-         const Body& placed, const TetMesh& mesh, Model* model, Problems* problems) {
+         const Body& placed, const Aabb& box, const TetMesh& mesh, Model* model,
+         Problems* problems) {
   std::uint8_t* fixed = model->fixed.data() + placed.first_particle;
   for (int r = 0; r < body.fixed_size(); ++r) {
     const v1::Region& region = body.fixed(r);
@@ -130,11 +135,12 @@ void Fix(const v1::Body& body, const Selection& on_border, const std::string& pa
       fixed[i] = 1;
       any = true;
     }
-    if (!any) problems->push_back({region_path, NothingSelected(body, region, placed, mesh)});
+    if (!any) problems->push_back({region_path, NothingSelected(body, region, placed, box, mesh)});
   }
   for (const CarriedParticle& c : mesh.carried) {
-    fixed[c.particle] = std::all_of(c.carriers.begin(), c.carriers.end(),
-                                    [&](std::int32_t carrier) { return fixed[carrier] == 1; });
+    bool held = true;
+    for (int k = 0; k < 4; ++k) held = held && (c.weights[k] == 0 || fixed[c.carriers[k]] == 1);
+    fixed[c.particle] = held;
   }
 }
 
@@ -297,7 +303,7 @@ void PlaceBody(const v1::Body& body, const TetMesh& mesh, const std::string& pat
   }
   AppendTetrahedra(mesh, model, &placed);
 
-  Fix(body, on_border, path, placed, mesh, model, problems);
+  Fix(body, on_border, path, placed, box, mesh, model, problems);
   if (placed.rigid && PinsLock(*model, placed)) {
     std::fill_n(model->fixed.begin() + placed.first_particle, placed.particle_count, 1);
   }

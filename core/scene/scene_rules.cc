@@ -2,11 +2,13 @@
 
 #include <absl/strings/str_cat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
 #include <utility>
 
+#include "core/model/effect_name.h"
 #include "core/scene/did_you_mean.h"
 #include "core/scene/field_options.h"
 #include "core/scene/quantity.h"
@@ -43,10 +45,10 @@ void CheckUniqueNames(const RepeatedPtrField<Named>& list, absl::string_view pat
 
 void CheckRegion(const v1::Region& region, const std::string& path, Problems* problems) {
   if (region.kind_case() == v1::Region::kAll && !region.all()) {
-    problems->push_back({path + ".all", "must be true; leave the region out to fix nothing"});
+    problems->push_back({path + ".all", "must be true; to select nothing leave the region out"});
   }
   if (region.kind_case() == v1::Region::kBorder && !region.border()) {
-    problems->push_back({path + ".border", "must be true; leave the region out to fix nothing"});
+    problems->push_back({path + ".border", "must be true; to select nothing leave the region out"});
   }
   const RepeatedField<double>& normal = region.half_space().normal();
   if (normal.size() == 3 && std::isfinite(Length(normal)) && Length(normal) <= 0) {
@@ -256,6 +258,39 @@ void CheckMaterials(const v1::Elasticity& elasticity, const std::string& path, P
   }
 }
 
+// What the effect's message says that it needs beside it.
+void CheckNeeds(const v1::Scene& scene, const v1::Effect& effect, const std::string& path,
+                Problems* problems) {
+  const auto* kind = v1::Effect::descriptor()->FindFieldByName(EffectName(effect));
+  if (kind == nullptr) return;
+  const std::string& needed = kind->message_type()->options().GetExtension(v1::needs_effect);
+  const auto is_needed = [&](const v1::Effect& other) { return EffectName(other) == needed; };
+  if (needed.empty() || std::any_of(scene.effects().begin(), scene.effects().end(), is_needed)) {
+    return;
+  }
+  problems->push_back({absl::StrCat(path, ".", kind->name()),
+                       absl::StrCat("needs the effect ", needed, ", and the scene has none")});
+}
+
+// Nothing holds the particles of tetrahedra together but elasticity (`acted_on`: the bodies that
+// have it).
+void WarnOfDust(const v1::Scene& scene, const std::map<std::string, int>& acted_on,
+                Problems* problems) {
+  for (int i = 0; i < scene.bodies_size(); ++i) {
+    const v1::Body& body = scene.bodies(i);
+    const bool held = std::any_of(body.fixed().begin(), body.fixed().end(),
+                                  [](const v1::Region& region) { return region.all(); });
+    if (!Unfit(body, ActsOn::kTetrahedra).empty() || acted_on.contains(body.name()) || held)
+      continue;
+    problems->push_back(
+        {IndexPath("bodies", i) + (body.has_tet_mesh() ? ".tet_mesh" : ".tetrahedra"),
+         absl::StrCat("no effect holds the particles of body ", Quoted(body.name()),
+                      " together: each moves by itself, as dust; needed: the effect "
+                      "elasticity on this body"),
+         /*warning=*/true});
+  }
+}
+
 void CheckEffects(const v1::Scene& scene, Problems* problems) {
   // The effect that acts on each body.
   std::map<std::string, int> shape_memory, volume_preservation, elasticity;
@@ -263,6 +298,7 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
   for (int i = 0; i < scene.effects_size(); ++i) {
     const v1::Effect& effect = scene.effects(i);
     const std::string path = IndexPath("effects", i);
+    CheckNeeds(scene, effect, path, problems);
     if (effect.has_shape_memory()) {
       ClaimBodies(scene, effect.shape_memory().bodies(), ActsOn::kSurfaces, path + ".shape_memory",
                   &shape_memory, i, problems);
@@ -290,6 +326,7 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
       CheckMuscle(scene, effect.muscle(), path + ".muscle", problems);
     }
   }
+  WarnOfDust(scene, elasticity, problems);
 }
 
 }  // namespace

@@ -89,7 +89,8 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   std::copy(forces.total.begin(), forces.total.end(), start_total_n_.begin());
   std::copy_n(state.effect_state.begin(), effect_state_.size(), effect_state_.begin());
   const ForceInput in{state.position_m, state.velocity_m_s, state.time_s,
-                      effect_state_,    parallel,           near};
+                      effect_state_,    parallel,           near,
+                      /*trial=*/true};
   if (++assembled_ago_ >= effort_.stiffness_every || assembled_dt_s_ != dt_s) {
     Assemble(in, dt_s);
     assembled_dt_s_ = dt_s;
@@ -207,7 +208,7 @@ double ImplicitSolver::NewtonResidual(double dt_s, const State& state, Parallel*
     velocity_m_s_[p] = prescribed_m_s_[p].vec() + change_m_s_[p].vec();
     position_m_[p] = state.position_m[p] + dt_s * velocity_m_s_[p];
   }
-  EvaluateStiff({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_});
+  EvaluateStiff({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_, true});
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
@@ -304,7 +305,7 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
     for (std::size_t p = 0; p < product_.size(); ++p) product_[p].Set(velocity_m_s_[p]);
     if (damps_) {
       EvaluateStiff(
-          {state.position_m, velocity_m_s_, state.time_s, effect_state_, parallel, near_});
+          {state.position_m, velocity_m_s_, state.time_s, effect_state_, parallel, near_, true});
     }
   }
   for (int p = 0; p < model_.particle_count(); ++p) {

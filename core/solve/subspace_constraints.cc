@@ -20,9 +20,12 @@ constexpr double kDiverged = 1e3;          // relative volume
 }  // namespace
 
 void SubspaceSolver::CollectRows(const State& state) {
-  for (const Effect* effect : constraints_)
-    effect->ConstraintGradients(state.position_m, gradient_);
-  GiveToCarriers(model_, gradient_);
+  if (!gradients_known_) {
+    for (const Effect* effect : constraints_)
+      effect->ConstraintGradients(state.position_m, gradient_);
+    GiveToCarriers(model_, gradient_);
+    gradients_known_ = true;
+  }
   for (int r = 0; r < rows_; ++r) {
     double free = 0, all = 0;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
@@ -209,6 +212,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
 }
 
 void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
+  gradients_known_ = false;
   for (int iteration = 0; iteration < kConstraintIterations && rows_ > 0; ++iteration) {
     int first = 0;
     for (const Effect* effect : constraints_) {

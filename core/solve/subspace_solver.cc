@@ -194,7 +194,7 @@ void SubspaceSolver::ShareLoads(const Contacts& contacts) {
     for (const CarriedParticle& c : model_.carried) {
       if (contacts.zone_of[c.particle] < 0) continue;
       for (int k = 0; k < 4; ++k) {
-        visit(c, c.carriers[k], std::max(c.weights[k], 0.0) * model_.area_m2[c.particle]);
+        visit(c, c.carriers[k], std::abs(c.weights[k]) * model_.area_m2[c.particle]);
       }
     }
   };
@@ -212,6 +212,7 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
     slid_ = slides_.Judge(*state, {kicked_m_s_, groups_}, dt_s);
     for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
   }
+  gradients_known_ = false;
   state->position_m.swap(moved_m_);
   state->velocity_m_s.swap(moved_velocity_m_s_);
   StoreMomenta(state);

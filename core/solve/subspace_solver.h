@@ -45,6 +45,9 @@ class SubspaceSolver {
   // what sticking and sliding contact together carry.
   void Accept(State* state, double dt_s);
 
+  // To be called when positions have changed otherwise.
+  void Forget() { gradients_known_ = false; }
+
   // Meets the constraints by moving free particles, without touching velocities.
   void CorrectPositions(std::span<Vec3> position_m);
 
@@ -118,6 +121,7 @@ class SubspaceSolver {
       row_of_;  // [#particles] the row that acts on it, or -1; empty without rows
   std::vector<ConstraintRow> row_;      // [#rows]
   std::vector<Vec3> gradient_;          // [#particles]
+  bool gradients_known_ = false;        // of the state's positions
   std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient
   std::vector<double> best_;            // [#rows] of the iteration that left the least error

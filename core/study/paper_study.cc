@@ -10,6 +10,7 @@
 #include "core/model/bond_geometry.h"
 #include "core/model/diagnostics.h"
 #include "core/study/bodies_energy.h"
+#include "core/study/contact_gain.h"
 #include "core/study/rolling.h"
 #include "core/study/timing.h"
 
@@ -104,13 +105,6 @@ int LargestZone(const State& state) {
   return most;
 }
 
-// What contact gained from one step to the next where it may only lose.
-double Gain(const Ledger& before, const Ledger& after) {
-  return std::max(0.0, before.captured_j - after.captured_j) +
-         std::max(0.0, after.sliding_j - before.sliding_j) +
-         std::max(0.0, after.rotation_j - before.rotation_j);
-}
-
 // Most of an energy above what was put in, over E_ref.
 template <typename Energy>
 double MostAbove(const PaperStudy& study, const Energy& energy_j) {
@@ -180,7 +174,8 @@ class Study {
     const double cpu_ms = ThreadCpuMs() - start_ms;
     ++result_.steps;
     result_.report_bits |= report.bits;
-    contact_added_j_ += Gain(before, engine_.state().ledger);
+    contact_added_j_ +=
+        AdhesiveGain(before, engine_.state().ledger) + SlidingGain(before, engine_.state().ledger);
     recent_ms_.push_back(cpu_ms);
     if (!second_half) return;
     second_half_ms_.push_back(cpu_ms);

@@ -151,6 +151,8 @@ void Recorder::OnStep(const Engine& engine, std::span<const ToolInput> inputs,
   entry->hash = RecordedHash(engine);
   entry->fidelity = engine.fidelity();
   entry->frozen = engine.frozen();
+  // Allocates, in the last step that there is.
+  if (entry->frozen) entry->frozen_because = engine.FrozenBecause();
   std::copy(inputs.begin(), inputs.end(), entry->inputs.begin());
   if (inputs.empty()) std::fill(entry->inputs.begin(), entry->inputs.end(), ToolInput{});
   if (!entry->frozen) {
@@ -329,7 +331,7 @@ void Recorder::WriteForces(const Entry& entry) {
 
 void Recorder::WriteStepEvents(const Entry& entry) {
   if (entry.frozen) {
-    WriteEvent(entry, v1::EVENT_KIND_FROZEN, 0, "a value became non-finite");
+    WriteEvent(entry, v1::EVENT_KIND_FROZEN, 0, entry.frozen_because);
     return;
   }
   if (entry.report.captures > 0) {

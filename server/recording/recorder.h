@@ -71,7 +71,8 @@ class Recorder : public StepObserver {
     EntryKind kind = EntryKind::kStep;
     bool has_frame = false;  // one of the frames in the ring is of this entry
     bool frozen = false;
-    std::uint64_t index = 0;  // steps since the recording began
+    std::string frozen_because;  // of the step that froze it only
+    std::uint64_t index = 0;     // steps since the recording began
     std::uint64_t step = 0;
     double time_s = 0;
     std::uint64_t hash = 0;

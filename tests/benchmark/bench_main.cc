@@ -21,6 +21,7 @@
 #include "core/scene/scene_file.h"
 #include "core/scene/validate.h"
 #include "tests/benchmark/duel.h"
+#include "tests/benchmark/effect_costs.h"
 
 namespace adhesim::bench {
 namespace {
@@ -218,7 +219,9 @@ int main(int argc, char** argv) {
       "and "
       "Bullet's soft bodies on the same meshes, masses and fields, interleaved");
   adhesim::bench::Arguments arguments;
-  app.add_option("NAME", arguments.names, "Scenes by name (two_cells_sticky); without it all");
+  app.add_option("NAME", arguments.names,
+                 "Scenes by name (two_cells_sticky); without it all. \"effects\" alone: what each "
+                 "effect adds to a scene");
   app.add_option("--scenes", arguments.folder, "The folder of scenes")->capture_default_str();
   app.add_option("--seconds", arguments.seconds, "Simulated time instead of each scene's own")
       ->check(CLI::Range(1e-3, 1e4));
@@ -229,10 +232,22 @@ int main(int argc, char** argv) {
   app.add_option("--simd", arguments.simd, "Instruction set of our engine instead of the best")
       ->transform(CLI::CheckedTransformer(targets));
   app.add_option("--json", arguments.json, "Writes the figures to this file")->type_name("FILE");
+  adhesim::bench::EffectCostOptions effects;
+  app.add_option("--steps", effects.steps, "Steps of \"effects\"")->check(CLI::Range(1, 1000000));
+  app.add_flag("!--no-instructions", effects.count, "\"effects\": do not count instructions");
+  std::string step_scene;  // what counting instructions calls
+  app.add_option("--step-scene", step_scene)->group("");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
+  }
+  if (!step_scene.empty()) return adhesim::bench::StepText(step_scene, effects.steps);
+  if (arguments.names == std::vector<std::string>{"effects"}) {
+    if (arguments.repeats > 0) effects.repeats = arguments.repeats;
+    effects.simd = arguments.simd;
+    effects.json = arguments.json;
+    return adhesim::bench::MeasureEffects(effects);
   }
   return adhesim::bench::Main(arguments);
 }

@@ -38,6 +38,19 @@ TEST(Benchmark, RunsBothEnginesAndWritesEveryFigure) {
   std::remove(file.c_str());
 }
 
+// Counting instructions takes a minute, and valgrind; every effect of the build has its lines.
+TEST(Benchmark, TellsWhatEveryEffectAdds) {
+  const std::string file = testing::TempDir() + "adhesim_bench_effects.json";
+  ASSERT_EQ(Bench("effects --no-instructions --steps 2 --repeats 1 --json " + file), 0);
+  const nlohmann::json report = nlohmann::json::parse(std::ifstream(file));
+  EXPECT_GE(report.at("effects").size(), 12u);
+  for (const auto& row : report.at("effects")) {
+    EXPECT_GT(row.at("with").at("cpu_us_per_step"), 0.0) << row;
+    EXPECT_GE(row.at("with").at("bytes"), row.at("without").at("bytes")) << row;
+  }
+  std::remove(file.c_str());
+}
+
 TEST(Benchmark, RefusesWhatItCannotRun) {
   EXPECT_EQ(Bench("no_such_scene 2> /dev/null"), 2);
   EXPECT_EQ(Bench("--repeats 0 2> /dev/null"), 2);

@@ -195,7 +195,7 @@ bodies:
     ASSERT_EQ(near.size(), expected.size());
     for (const NearPair& pair : near) EXPECT_NEAR(pair.gap_m, expected.at(pair.particle), 1e-12);
     found += static_cast<int>(near.size());
-    for (const NearEdges& pair : detector.FindEdges(x, &one, &report)) {
+    for (const NearEdges& pair : detector.FindEdges(x, {}, &one, &report)) {
       ++edges;
       for (int p : pair.ends) {
         for (int k = 0; k < 3; ++k) {
@@ -210,6 +210,47 @@ bodies:
   }
   EXPECT_GT(found, 50);
   EXPECT_GT(edges, 10);
+}
+
+TEST(Detector, LeavesOutThoseEdgesThatMoveAsOneAndNoOthers) {
+  const auto model = ModelOf(R"(
+bodies:
+  - {name: a, icosphere: {radius_m: 0.5, subdivisions: 1}, mass_kg: 1}
+  - {name: b, icosphere: {radius_m: 0.5, subdivisions: 1}, mass_kg: 1, position_m: [0.9, 0.1, 0.05]}
+)");
+  Detector detector(*model, 0.2, {.edges = true, .self_apart_m = std::nullopt});
+  Parallel one(1);
+  std::vector<Vec3> x = model->rest_position_m;
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> uniform(-0.02, 0.02);
+  using Ends = std::array<int, 4>;
+  const auto ends_of = [&](const NearEdges& pair) {
+    std::vector<int> other;
+    for (int k = 0; k < 3; ++k) {
+      if (pair.weights(k) > 0) other.push_back(model->triangles[pair.triangle][k]);
+    }
+    return Ends{pair.ends[0], pair.ends[1], other.at(0), other.at(1)};
+  };
+  int left_out = 0, kept = 0;
+  for (int step = 0; step < 100; ++step) {
+    for (Vec3& p : x) p += Vec3(uniform(random), uniform(random), uniform(random));
+    std::vector<std::int32_t> moves_with(x.size());
+    for (auto& zone : moves_with) zone = static_cast<int>(random() % 4 > 0) - 1;  // a quarter: -1
+    StepReport report;
+    detector.Update(x, &one, &report);
+    std::vector<Ends> expected, found;
+    for (const NearEdges& pair : detector.FindEdges(x, {}, &one, &report)) {
+      const Ends ends = ends_of(pair);
+      const bool as_one = std::ranges::all_of(ends, [&](int p) { return moves_with[p] == 0; });
+      as_one ? void(++left_out) : expected.push_back(ends);
+    }
+    for (const NearEdges& pair : detector.FindEdges(x, moves_with, &one, &report))
+      found.push_back(ends_of(pair));
+    EXPECT_EQ(found, expected);
+    kept += static_cast<int>(found.size());
+  }
+  EXPECT_GT(left_out, 20);
+  EXPECT_GT(kept, 20);
 }
 
 // Two bodies' edges, each once, with the triangles they belong to.
@@ -261,7 +302,7 @@ bodies:
       p += 0.02 * Vec3(uniform(random), uniform(random), uniform(random)) + Vec3(0.002, 0, 0);
     StepReport report;
     detector.Update(x, &one, &report);
-    const auto near = detector.FindEdges(x, step % 2 ? &one : &two, &report);
+    const auto near = detector.FindEdges(x, {}, step % 2 ? &one : &two, &report);
     EXPECT_EQ(report.bits, 0u);
     std::map<std::array<int, 4>, const NearEdges*> listed;
     for (const NearEdges& pair : near) {

@@ -94,6 +94,22 @@ TEST_F(Zones, GrowMergeSplitShrinkAndVanishKeepTheLargestPartsNumber) {
   EXPECT_EQ(contacts_.colliding_particles, 0);
 }
 
+TEST_F(Zones, TellWhetherAnyHasLostMembers) {
+  StepReport report;
+  const auto parts = [&] { return builder_.Rebuild(&contacts_, &report); };
+  Stick(0, 0);
+  Stick(4, 4);
+  EXPECT_FALSE(parts());  // new
+  for (int k : {1, 2, 3}) Stick(k, k);
+  EXPECT_FALSE(parts());  // two have become one
+  EXPECT_FALSE(parts());  // as it was
+  contacts_.bonds.erase(contacts_.bonds.begin() + 3);
+  EXPECT_TRUE(parts());  // one is two, and a pair is in none
+  EXPECT_FALSE(parts());
+  contacts_.bonds.clear();
+  EXPECT_TRUE(parts());  // they are gone
+}
+
 TEST_F(Zones, DoNotDependOnTheOrderOfBonds) {
   for (int k : {3, 0, 2, 1}) Stick(k, k);
   Rebuild();

@@ -1,63 +1,19 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "core/contact/detector.h"
 #include "core/effects/registry.h"
+#include "tests/support/effect_samples.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/tet_block.h"
 
 namespace adhesim::test {
 namespace {
 
-// What every effect has to keep, checked on every effect of the build by itself. An effect without
-// a line here fails the battery: write one.
-struct Sample {
-  const char* name;
-  const char* message;      // YAML of the effect
-  bool contact = false;     // acts between two bodies: a second ball comes and touches the first
-  bool tetrahedra = false;  // acts inside bodies: a block of tetrahedra instead of the ball
-
-  friend void PrintTo(const Sample& sample, std::ostream* out) { *out << sample.message; }
-};
-constexpr Sample kSamples[] = {
-    {"shape_memory", "shape_memory: {stiffness_n_m: 50, damping_n_s_m: 0.3}"},
-    {"shape_memory", "shape_memory: {stiffness_n_m: 50, form: centre}"},
-    {"volume_preservation", "volume_preservation: {}"},
-    {"uniform_gravity", "uniform_gravity: {acceleration_m_s2: [1, -2, 3]}"},
-    {"attraction", "attraction: {point_m: [0.3, 0.1, 2], acceleration_m_s2: 2}"},
-    {"drag", "drag: {rate_per_s: 3}"},
-    {"penalty", "penalty: {thickness_m: 0.1, stiffness_n_m: 50, damping_n_s_m: 0.3}", true},
-    {"elastic_links",
-     "elastic_links: {capture_distance_m: 0.1, stiffness_n_m: 50, max_length_m: 0.3}", true},
-    {"elastic_links",
-     "elastic_links: {capture_distance_m: 0.1, stiffness_n_m: 50, rest_length_m: 0.05, "
-     "max_length_m: 0.3}",
-     true},
-    {"attraction_impulses",
-     "attraction_impulses: {stick_distance_m: 0.1, stick_stiffness_n_m: 50, "
-     "contact_stiffness_n_m: 70}",
-     true},
-    {"muscle", "muscle: {direction: [0, 0, 2], max_force_n: 2}"},
-    {"elasticity",
-     "elasticity: {young_modulus_pa: 50, poisson_ratio: 0.3, stiffness_damping_s: 0.01}", false,
-     true},
-};
-
-// The second ball is 0.25 m from the first, further than any sample reaches.
-constexpr const char* kOtherBall =
-    "  - name: other\n    icosphere: {radius_m: 0.5, subdivisions: 2}\n    mass_kg: 1.5\n"
-    "    position_m: [1.25, 0.04, 0.02]\n    velocity_m_s: [-4, 0, 0]\n";
-
-std::string SceneOf(const Sample& sample) {
-  return "bodies:\n  - name: ball\n    icosphere: {radius_m: 0.5, subdivisions: 2}\n    mass_kg: "
-         "1.5\n"
-         "    velocity_m_s: [0.1, 0.2, 0.3]\n    angular_velocity_rad_s: [0.5, -1, 0.7]\n" +
-         std::string(sample.contact ? kOtherBall : "") + "effects:\n  - " + sample.message + "\n";
-}
-
 // The effects of a sample on a block of 0.5 m that moves and turns.
-std::shared_ptr<const Model> BlockOf(const Sample& sample) {
+std::shared_ptr<const Model> BlockOf(const EffectSample& sample) {
   const auto model = ModelOf(TetBlock{.cells = {5, 5, 5}, .size_m = {0.5, 0.5, 0.5}});
   for (int p = 0; p < model->particle_count(); ++p) {
     model->initial_velocity_m_s[p] =
@@ -68,16 +24,18 @@ std::shared_ptr<const Model> BlockOf(const Sample& sample) {
   return model;
 }
 
-class EffectBattery : public testing::TestWithParam<Sample> {
+// What every effect has to keep, checked on every effect of the build by itself, as its samples.txt
+// says. One without that file fails the battery.
+class EffectBattery : public testing::TestWithParam<EffectSample> {
  protected:
   void SetUp() override {
-    model_ = GetParam().tetrahedra ? BlockOf(GetParam()) : ModelOf(SceneOf(GetParam()));
+    model_ = GetParam().on == "block" ? BlockOf(GetParam()) : ModelOf(SceneOf(GetParam()));
     auto effect = MakeEffect(*model_, model_->scene.effects(0));
     ASSERT_TRUE(effect.ok()) << effect.status();
     effect_ = *std::move(effect);
     x_ = model_->rest_position_m;
     v_.assign(x_.size(), Vec3::Zero());
-    if (GetParam().contact) {
+    if (GetParam().on == "two_balls") {
       ASSERT_GT(effect_->contact_reach_m(), 0);
       detector_ = std::make_unique<Detector>(*model_, effect_->contact_reach_m());
     }
@@ -98,7 +56,7 @@ class EffectBattery : public testing::TestWithParam<Sample> {
   // Disturbs the particles, and brings the second ball to 0.05 m from the first.
   void Deform(double amount) {
     for (Vec3& x : x_) x += amount * Random();
-    if (!GetParam().contact) return;
+    if (!GetParam().contact()) return;
     const Body& other = model_->bodies[1];
     for (int k = 0; k < other.particle_count; ++k) x_[other.first_particle + k].x() -= 0.2;
   }
@@ -186,7 +144,7 @@ TEST_P(EffectBattery, ParticlesShareTheElasticEnergy) {
   effect_->AddEnergies(share);
   double sum = 0;
   for (double e : share) {
-    if (!GetParam().contact) {
+    if (!GetParam().contact()) {
       EXPECT_GE(e, 0);  // that of an attraction may be negative
     }
     sum += e;
@@ -275,6 +233,35 @@ TEST_P(EffectBattery, ConstraintGradientIsTheDerivativeOfItsResidual) {
   }
 }
 
+// A bond that has just taken hold is as strong as the adhesive says, and no factor is negative.
+TEST_P(EffectBattery, StrengthsAreScaledByFactorsThatBeginAtOne) {
+  if (!effect_->scales_strengths()) GTEST_SKIP() << "does not scale strengths";
+  const double now_s = 1e3;
+  std::vector<Bond> bonds(200);
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    bonds[b].since_s = now_s - std::pow(10, 0.05 * static_cast<double>(b) - 7);  // to 1e3 s
+  }
+  bonds[0].since_s = now_s;
+  bonds[1].sliding = true;
+  effect_->ScaleStrengths(now_s, bonds);
+  for (const Bond& bond : bonds) {
+    EXPECT_TRUE(std::isfinite(bond.strength_scale) && bond.strength_scale >= 0);
+  }
+  EXPECT_EQ(bonds[0].strength_scale, 1);
+  EXPECT_EQ(bonds[1].strength_scale, 1);
+  std::vector<Bond> doubled(bonds.size());
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    doubled[b].since_s = bonds[b].since_s;
+    doubled[b].sliding = bonds[b].sliding;
+    doubled[b].strength_scale = 2;  // another effect has been there
+  }
+  effect_->ScaleStrengths(now_s, doubled);
+  for (std::size_t b = 0; b < bonds.size(); ++b) {
+    EXPECT_EQ(doubled[b].strength_scale,
+              2 * bonds[b].strength_scale);  // a power of two: no rounding
+  }
+}
+
 TEST_P(EffectBattery, RestoredSnapshotContinuesWithTheSameBits) {
   auto engine = EngineOf(model_);
   StepMany(engine.get(), 20);
@@ -292,11 +279,11 @@ TEST_P(EffectBattery, RestoredSnapshotContinuesWithTheSameBits) {
 }
 
 // Those of the samples whose effect is in this build.
-std::vector<Sample> AvailableSamples() {
-  std::vector<Sample> samples;
-  for (const Sample& sample : kSamples) {
+std::vector<EffectSample> AvailableSamples() {
+  std::vector<EffectSample> samples;
+  for (const EffectSample& sample : EffectSamples()) {
     for (std::string_view name : AvailableEffects()) {
-      if (name == sample.name) samples.push_back(sample);
+      if (name == sample.name()) samples.push_back(sample);
     }
   }
   return samples;
@@ -304,16 +291,8 @@ std::vector<Sample> AvailableSamples() {
 
 INSTANTIATE_TEST_SUITE_P(Effects, EffectBattery, testing::ValuesIn(AvailableSamples()),
                          [](const auto& info) {
-                           return std::string(info.param.name) + "_" + std::to_string(info.index);
+                           return std::string(info.param.folder) + "_" + std::to_string(info.index);
                          });
-
-TEST(Registry, EveryEffectOfTheBuildIsInTheBattery) {
-  for (std::string_view name : AvailableEffects()) {
-    bool found = false;
-    for (const Sample& sample : kSamples) found = found || name == sample.name;
-    EXPECT_TRUE(found) << name;
-  }
-}
 
 }  // namespace
 }  // namespace adhesim::test

@@ -8,6 +8,7 @@
 
 #include "core/model/tissue.h"
 #include "tests/effects/tissue_forces.h"
+#include "tests/support/test_size.h"
 
 // Both laws against closed forms, and the materials of parts.
 namespace adhesim::test {
@@ -60,6 +61,73 @@ TEST(NeoHookean, IsSmoothWhereItsContinuationBegins) {
   const double below = (at - stress(0.2 - h)) / h, above = (stress(0.2 + h) - at) / h;
   EXPECT_NEAR(stress(0.2 - 1e-9), stress(0.2 + 1e-9), 1e-6 * scale);  // slope 5 / J times 2e-9
   EXPECT_NEAR(below, above, 1e-3 * std::abs(above));                  // second derivative times h
+}
+
+// One tetrahedron, the first of a block of one cell.
+std::shared_ptr<Model> OneTetrahedron(double poisson) {
+  const auto model = ModelOf(
+      TetBlock{.cells = {1, 1, 1}, .poisson_ratio = poisson, .law = v1::ELASTIC_MODEL_NEO_HOOKEAN});
+  model->tetrahedra.resize(1);
+  model->fill.resize(1);
+  model->tet_label.resize(1);
+  model->tet_group.resize(1);
+  model->bodies[0].tetrahedron_count = 1;
+  return model;
+}
+
+TEST(NeoHookean, HasNoMinimumButItsShape) {
+  // Descent of one tetrahedron from anywhere, along its own positive stiffness with a mass that
+  // keeps steps short: the energy ends at 1e-12 of mu V, a strain of 1e-6, whatever the start.
+  std::uniform_real_distribution<double> uniform(-2, 2);
+  const int starts = kSanitized ? 20 : TestSize(500, 10000);
+  int stuck = 0;
+  for (const double poisson : {0.0, 0.45}) {
+    Tissue tissue(OneTetrahedron(poisson));
+    const std::vector<double> law = tissue.state;
+    const int n = 3 * static_cast<int>(tissue.x.size());
+    for (int start = 0; start < starts; ++start) {
+      for (Vec3& x : tissue.x) {
+        x = Vec3(uniform(tissue.random), uniform(tissue.random), uniform(tissue.random));
+      }
+      tissue.state = law;
+      double energy = tissue.Evaluate();
+      for (int step = 0; step < 300 && !(energy < 1e-9); ++step) {
+        const Eigen::MatrixXd a = tissue.Stiffness(1, 0) + 100 * Eigen::MatrixXd::Identity(n, n);
+        const Eigen::VectorXd by = a.ldlt().solve(Flat(tissue.force[0]));
+        for (int p = 0; p < n / 3; ++p) tissue.x[p] += by.segment<3>(3 * p);
+        energy = tissue.Evaluate();
+      }
+      stuck += !(energy < 1e-9);
+    }
+  }
+  EXPECT_EQ(stuck, 0) << "of " << 2 * starts;
+}
+
+TEST(NeoHookean, RecoversByTheCorotationalLawOnceItIsInsideOut) {
+  // Without lambda, which is softened. Mirrored, the force is the corotational one; brought back to
+  // a strain of 10 %, it still is; and at 1 % the law is its own again.
+  Tissue tissue(OneTetrahedron(0));
+  auto other = OneTetrahedron(0);
+  other->scene.mutable_effects(0)->mutable_elasticity()->set_model(v1::ELASTIC_MODEL_COROTATIONAL);
+  Tissue corotational(other);
+  const std::vector<Vec3> rest = tissue.x;
+  const auto difference = [&](const Vec3& stretch) {
+    tissue.x = corotational.x = rest;
+    tissue.Map(stretch.asDiagonal());
+    corotational.Map(stretch.asDiagonal());
+    tissue.Evaluate();
+    corotational.Evaluate();
+    double sum = 0;
+    for (std::size_t p = 0; p < rest.size(); ++p) {
+      sum += (tissue.force[0][p] - corotational.force[0][p]).norm();
+    }
+    return sum / Size(corotational.force[0]);
+  };
+  EXPECT_GT(difference({1.1, 1, 1}), 0.01);
+  EXPECT_LT(difference({1.1, 1, -1.2}), 1e-12);  // round-off
+  EXPECT_LT(difference({1.1, 1, 1}), 1e-12);
+  EXPECT_GT(difference({1.01, 1, 1}), 1e-3);
+  EXPECT_GT(difference({1.1, 1, 1}), 0.01);
 }
 
 TEST(Corotational, SmallUniaxialStressIsYoungsModulusTimesStrain) {

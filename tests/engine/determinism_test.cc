@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/support/count_allocations.h"
@@ -121,11 +122,16 @@ TEST(Step, FreezesOnANonFiniteStateAndSaysSo) {
   engine->Restore(broken);
   EXPECT_TRUE(engine->Step({}).bits & kStepNonFinite);
   EXPECT_TRUE(engine->frozen());
+  // Where, and when: whoever reads it knows where to look.
+  EXPECT_THAT(engine->FrozenBecause(), ::testing::HasSubstr("of body '"));
+  EXPECT_THAT(engine->FrozenBecause(), ::testing::HasSubstr("is not finite"));
+  EXPECT_THAT(engine->FrozenBecause(), ::testing::HasSubstr("after step 6 "));
   const std::uint64_t step = engine->state().step;
   EXPECT_TRUE(engine->Step({}).bits & kStepNonFinite);
   EXPECT_EQ(engine->state().step, step);
   engine->Reset();
   EXPECT_FALSE(engine->frozen());
+  EXPECT_EQ(engine->FrozenBecause(), "");
   EXPECT_EQ(StepMany(engine.get(), 5), 0u);
 }
 

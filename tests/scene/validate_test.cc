@@ -54,6 +54,32 @@ TEST(ValidateScene, RefusesContradictingStrengths) {
               HasSubstr("effects[6].virtual_adhesive.shear_strength_pa: needs normal_strength_pa"));
 }
 
+TEST(ValidateScene, WarnsOfTetrahedraThatNothingHoldsTogether) {
+  const auto problems = [](const std::string& effects) {
+    const SceneFile file = ParseScene(
+        "bodies:\n  - {name: a, block: {size_m: [1, 1, 1]}, tetrahedra: {cells: 2}, mass_kg: 1}\n"
+        "  - {name: b, block: {size_m: [1, 1, 1]}, tetrahedra: {cells: 2}, mass_kg: 1,\n"
+        "     fixed: [all: true]}\n" +
+            effects,
+        "dust.yaml", "");
+    EXPECT_TRUE(file.ok());
+    return file.Format(file.problems);
+  };
+  EXPECT_THAT(problems(""), HasSubstr("2:43: warning: bodies[0].tetrahedra: no effect holds"));
+  EXPECT_THAT(problems(""), ::testing::Not(HasSubstr("bodies[1]")));
+  EXPECT_THAT(problems("effects:\n  - elasticity: {young_modulus_pa: 1000, bodies: [b]}\n"),
+              HasSubstr("needed: the effect elasticity on this body"));
+  EXPECT_EQ(problems("effects:\n  - elasticity: {young_modulus_pa: 1000}\n"), "");
+}
+
+TEST(ValidateScene, RefusesARegionOfAllThatIsNot) {
+  v1::Scene scene = Sample();
+  v1::Elasticity* elasticity = scene.add_effects()->mutable_elasticity();
+  elasticity->set_young_modulus_pa(1000);
+  elasticity->add_regions()->mutable_where()->set_all(false);
+  EXPECT_THAT(Described(scene), HasSubstr("where.all: must be true; to select nothing"));
+}
+
 TEST(ValidateScene, RefusesTheBorderAsAPartOfAVolume) {
   v1::Scene scene = Sample();
   v1::Elasticity* elasticity = scene.add_effects()->mutable_elasticity();

@@ -163,13 +163,43 @@ TEST(BuildModel, FixesTheUnionOfRegions) {
 TEST(BuildModel, RefusesARegionWithoutParticles) {
   ExpectProblem(R"(bodies { name: "s" sheet { length_m: 2 width_m: 2 columns: 5 rows: 5 }
       mass_kg: 1 fixed { border: true } fixed { ball { centre_m: [9, 0, 0] radius_m: 0.1 } } })",
-                "bodies[0].fixed[1]", "selects no particle");
+                "bodies[0].fixed[1]",
+                "selects no particle of body 's': its particles lie within x -1 to 1, y -1 to 1, "
+                "z 0 to 0 m");
   ExpectProblem(R"(bodies { name: "b" icosphere { radius_m: 1 } mass_kg: 1
       fixed { border: true } })",
                 "bodies[0].fixed[0]", "closed");
   ExpectProblem(R"(bodies { name: "b" icosphere { radius_m: 1 } mass_kg: 1
       fixed { half_space { point_m: [0, 0, 0] normal: [0, 0, 0] } } })",
                 "bodies[0].fixed[0].half_space.normal", "no length");
+}
+
+TEST(BuildModel, RefusesCellsOfNoSize) {
+  const auto block = [](const std::string& size) {
+    return "bodies { name: 'b' block { size_m: [" + size +
+           "] } mass_kg: 1 tetrahedra { cells: 1 } }";
+  };
+  ExpectProblem(block("1e-10, 1e-10, 1e-10"), "bodies[0].block",
+                "its shortest edge is 1e-10 m; permitted: at least 1e-07 m");
+  EXPECT_NE(ModelOf(block("2e-7, 2e-7, 2e-7")), nullptr);
+}
+
+TEST(BuildModel, WarnsOfCellsWiderThanATool) {
+  const auto warnings = [](int cells) {
+    const BuiltModel built = Build(
+        "bodies { name: 'b' block { size_m: [0.1, 0.1, 0.1] } mass_kg: 1 tetrahedra { cells: " +
+        std::to_string(cells) + " } } tools { name: 'n' needle { radius_m: 0.002 } }");
+    EXPECT_NE(built.model, nullptr);
+    return built.problems;
+  };
+  EXPECT_TRUE(warnings(26).empty());  // 3.8 mm; the needle is 4 mm wide
+  const Problems problems = warnings(20);
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "tools[0]");
+  EXPECT_TRUE(problems[0].warning);
+  EXPECT_NE(problems[0].message.find("0.004 m wide, is narrower than the cells of body 'b', 0.005"),
+            std::string::npos)
+      << problems[0].message;
 }
 
 TEST(BuildModel, RefusesMoreParticlesThanFit) {
@@ -261,7 +291,9 @@ TEST(BuildModel, RefusesElasticRegionsWithoutTetrahedra) {
   };
   EXPECT_NE(Build(region("all: true")).model, nullptr);
   const std::string path = "effects[0].elasticity.regions[0].where";
-  ExpectProblem(region("ball { centre_m: [3, 0, 0] radius_m: 0.1 }"), path, "no tetrahedron");
+  ExpectProblem(
+      region("ball { centre_m: [3, 0, 0] radius_m: 0.1 }"), path,
+      "permitted: those that hold the centre of one, which lie within x -0.0375 to 0.0375");
   ExpectProblem(region("label: 3"), path, "have no labels");
   ExpectProblem(region("group: 'vessel'"), path, "have no groups");
 }

@@ -19,11 +19,14 @@
 #include "core/scene/mesh/winding_number.h"
 #include "tests/scene_mesh/files.h"
 #include "tests/support/scene_of_text.h"
+#include "tests/support/test_size.h"
 
 namespace adhesim {
 namespace {
 
 using test::SceneOfText;
+// Subdivisions of spheres, and a quarter of the cells across.
+constexpr int kFine = kSanitized ? 2 : 3;
 
 TriangleMesh Reversed(TriangleMesh mesh) {
   for (Triangle& t : mesh.triangles) std::swap(t[1], t[2]);
@@ -150,6 +153,7 @@ TEST(Embed, FillsASphereEverMoreExactly) {
   // The volume is a count of samples: its error falls faster than the size of the cells, but not
   // evenly, so that the bounds are ones that 1.5th order with a margin keeps.
   for (const int cells : {4, 8, 16}) {
+    if (kSanitized && cells > 8) break;
     const TetMesh mesh = Embedded(sphere, cells);
     const double error = std::abs(FilledVolume(mesh) / volume_m3 - 1);
     RecordProperty("cells_" + std::to_string(cells), std::to_string(error));
@@ -193,22 +197,22 @@ TEST(Embed, ClosesHoles) {
 }
 
 TEST(Embed, FillsOverlapsOnce) {
-  const TriangleMesh ball = MakeIcosphere(0.05, 3);
+  const TriangleMesh ball = MakeIcosphere(0.05, kFine);
   const double apart = 0.05;
-  const TetMesh mesh = Embedded(Both(ball, Moved(ball, {apart, 0, 0})), 12);
+  const TetMesh mesh = Embedded(Both(ball, Moved(ball, {apart, 0, 0})), 4 * kFine);
   // Two balls of radius R at a distance R share 5 pi R^3 / 12, 5/16 of a ball.
   const double expected = EnclosedVolume(ball) * (2 - 5.0 / 16);
   EXPECT_NEAR(FilledVolume(mesh), expected, 0.02 * expected);
 }
 
 TEST(Embed, LeavesCavitiesEmptyAndTurnsDisjointPiecesByThemselves) {
-  const TriangleMesh ball = MakeIcosphere(0.05, 3), small = MakeIcosphere(0.03, 3);
-  const TetMesh hollow = Embedded(Both(ball, Reversed(small)), 12);
+  const TriangleMesh ball = MakeIcosphere(0.05, kFine), small = MakeIcosphere(0.03, kFine);
+  const TetMesh hollow = Embedded(Both(ball, Reversed(small)), 4 * kFine);
   const double expected = EnclosedVolume(ball) - EnclosedVolume(small);
   EXPECT_NEAR(FilledVolume(hollow), expected, 0.02 * expected);
   EXPECT_EQ(hollow.surface.triangles, Both(ball, Reversed(small)).triangles);
   const TriangleMesh pair = Both(ball, Moved(ball, {0.2, 0, 0}));
-  const TetMesh turned = Embedded(Both(ball, Reversed(Moved(ball, {0.2, 0, 0}))), 16);
+  const TetMesh turned = Embedded(Both(ball, Reversed(Moved(ball, {0.2, 0, 0}))), 4 * kFine);
   EXPECT_EQ(turned.surface.triangles.size(), pair.triangles.size());
   EXPECT_NEAR(EnclosedVolume({turned.surface.vertices, turned.surface.triangles}),
               2 * EnclosedVolume(ball), 1e-12);
@@ -262,7 +266,7 @@ TEST(Embed, CarriesThinShapes) {
 
 TEST(Embed, WorksForEveryNumberOfCells) {
   const TriangleMesh ball = Moved(MakeIcosphere(0.05, 1), {10, -3, 0.01});
-  for (int cells = 1; cells <= 9; ++cells) Embedded(ball, cells);
+  for (int cells = 1; cells <= (kSanitized ? 5 : 9); ++cells) Embedded(ball, cells);
 }
 
 TEST(Embed, RefusesWhatEnclosesNothing) {
@@ -272,6 +276,7 @@ TEST(Embed, RefusesWhatEnclosesNothing) {
   TriangleMesh broken = MakeIcosphere(1, 1);
   broken.vertices[3].x() = std::nan("");
   EXPECT_NE(EmbedInLattice(broken, 5).status().message().find("not finite"), std::string::npos);
+  if (kSanitized) return;  // a lattice of 3 million cells, counted before it is refused
   const absl::Status large = EmbedInLattice(MakeBlock({1, 1, 1}, 1), 150).status();
   EXPECT_NE(large.message().find("at most 1000000"), std::string::npos) << large;
 }
@@ -411,7 +416,7 @@ TEST(Embed, KnowsTheTissuesOfTheRealLiver) {
 }
 
 TEST(Embed, GivesTheSameBitsEachTime) {
-  const TriangleMesh open = OpenAbove(MakeIcosphere(0.05, 3), 0.03);
+  const TriangleMesh open = OpenAbove(MakeIcosphere(0.05, kFine), 0.03);
   const TetMesh a = Embedded(open, 7), b = Embedded(open, 7);
   EXPECT_EQ(a.surface.vertices, b.surface.vertices);
   EXPECT_EQ(a.fill, b.fill);

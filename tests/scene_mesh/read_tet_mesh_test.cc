@@ -113,9 +113,11 @@ TEST(ReadTetMesh, NamesWhatIsWrongInGmshFiles) {
   };
   EXPECT_EQ(error("1\n1 4 0 1 2 3 4\n"), "read");
   EXPECT_EQ(error("1\n1 4 0 1 2 3 9\n"), "line 14: element 1: there is no node 9");
-  EXPECT_EQ(error("1\n8 4 0 1 2 3 3\n"), "element 8: a tetrahedron without volume; remove it");
+  EXPECT_EQ(error("1\n8 4 0 1 2 3 3\n"),
+            "line 14: element 8: a tetrahedron without volume (0); permitted: above 2.82843e-12, "
+            "1e-12 of its longest edge cubed");
   EXPECT_EQ(error("2\n1 4 0 1 2 3 4\n6 4 0 4 2 3 1\n"),
-            "element 6: has the same nodes as element 1; remove it");
+            "line 15: element 6: has the same nodes as element 1; remove it");
   EXPECT_NE(error("3\n1 4 0 1 2 3 4\n2 4 0 1 2 3 5\n3 4 0 2 1 3 5\n").find("same nodes"),
             std::string::npos);
   EXPECT_NE(
@@ -125,7 +127,7 @@ TEST(ReadTetMesh, NamesWhatIsWrongInGmshFiles) {
             std::string::npos);
   EXPECT_NE(error("1\n1 2 0 1 2 3\n").find("no tetrahedra in this file"), std::string::npos);
   EXPECT_NE(error("2\n1 4 0 1 2 3 4\n").find("not a (finite) number"), std::string::npos);
-  EXPECT_NE(error("99999999999\n").find("not possible in what is left"), std::string::npos);
+  EXPECT_NE(error("99999999999\n").find("not possible in the "), std::string::npos);
   EXPECT_NE(error("1\n1 4 0 1 2 3 4\n5 4\n").find("expected $EndElements"), std::string::npos);
   const auto nodes = [](const std::string& text) {
     return ErrorOf(ParseGmsh(Gmsh(text, "1\n1 4 0 1 2 3 4\n")));
@@ -144,7 +146,8 @@ TEST(ReadTetMesh, RefusesThreeTetrahedraAtAFace) {
       ErrorOf(ParseGmsh(Gmsh("6\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 1 1\n6 0 0 -1\n",
                              "3\n1 4 0 1 2 3 4\n2 4 0 1 2 3 5\n3 4 0 1 2 3 6\n")));
   EXPECT_EQ(error,
-            "element 3: shares a face with elements 1 and 2; at most two tetrahedra can meet at a "
+            "line 17: element 3: shares a face with elements 1 and 2; at most two tetrahedra can "
+            "meet at a "
             "face");
 }
 
@@ -157,10 +160,12 @@ TEST(ReadTetMesh, NamesWhatIsWrongInVtkFiles) {
   };
   EXPECT_EQ(error("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n"), "read");
   EXPECT_EQ(error("CELLS 1 5\n4 0 1 2 4\nCELL_TYPES 1\n10\n"),
-            "element 0: names a node that does not exist; the file has 4 nodes");
-  EXPECT_NE(error("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n24\n").find("type 24; permitted: 10"),
+            "line 11: element 0: names node 4 (counted from 0); permitted: 0 to 3");
+  EXPECT_NE(error("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n24\n")
+                .find("line 11: cell 0 (counted from 0): type 24; permitted: 10"),
             std::string::npos);
-  EXPECT_NE(error("CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n10\n").find("a tetrahedron of 3 corners"),
+  EXPECT_NE(error("CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n10\n")
+                .find("a tetrahedron of 3 corners; permitted: 4"),
             std::string::npos);
   EXPECT_NE(error("CELLS 1 4\n4 0 1 2 3\n").find("announces 4 numbers"), std::string::npos);
   EXPECT_NE(error("CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 2\n10 10\n").find("1 cells and 2 cell types"),
@@ -173,11 +178,76 @@ TEST(ReadTetMesh, NamesWhatIsWrongInVtkFiles) {
   EXPECT_NE(ErrorOf(ParseVtk("<?xml?>")).find("begins with '# vtk"), std::string::npos);
 }
 
+// Six atoms, of which the last is unused; two tetrahedra in components of their own, the second the
+// wrong way round; a face and a list of atoms with names; a neighbourhood.
+std::string PmlOfTwo(const std::string& second) {
+  std::string atoms;
+  const char* at[] = {"0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 1 1", "9 9 9"};
+  for (int i = 0; i < 6; ++i) {
+    const std::string xyz = at[i];
+    atoms += "<atom><atomProperties index='" + std::to_string(10 * i) + "' x='" + xyz[0] + "' y='" +
+             xyz[2] + "' z='" + xyz[4] + "'/></atom>";
+  }
+  const auto cell = [](const std::string& type, const std::vector<int>& corners) {
+    std::string text = "<cell><cellProperties type='" + type + "'/>";
+    for (const int c : corners) text += "<atomRef index='" + std::to_string(c) + "'/>";
+    return text + "</cell>";
+  };
+  const auto component = [](const std::string& name, const std::string& inside) {
+    return "<structuralComponent name='" + name + "'>" + inside + "</structuralComponent>";
+  };
+  return "<physicalModel><atoms>" + component("", atoms) +
+         "</atoms><exclusiveComponents><multiComponent>" +
+         component("left", cell("TETRAHEDRON", {0, 10, 20, 30})) + component("right", second) +
+         "</multiComponent></exclusiveComponents><informativeComponents><multiComponent>" +
+         component("base", cell("TRIANGLE", {0, 20, 10})) +
+         component("pins", "<atomRef index='30'/><atomRef index='50'/>") +
+         component("Neighborhoods", cell("POLY_VERTEX", {0, 10, 20})) +
+         "</multiComponent></informativeComponents></physicalModel>";
+}
+
+TEST(ReadTetMesh, TakesTheTetrahedraOfPmlFilesWithTheirComponentsAsGroups) {
+  const std::string second =
+      "<cell><cellProperties index='7' type='TETRAHEDRON'/><atomRef index='10'/><atomRef "
+      "index='20'/><atomRef index='30'/><atomRef index='40'/></cell>";
+  const TemporaryFile file("two.pml", PmlOfTwo(second));
+  const absl::StatusOr<TetMesh> mesh = ReadTetMesh(file.path());
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_EQ(mesh->surface.vertices.size(), 5u);
+  EXPECT_EQ(mesh->surface.triangles.size(), 6u);
+  EXPECT_NEAR(FilledVolume(*mesh), 1.0 / 6 + 1.0 / 3, 1e-15);
+  EXPECT_EQ(mesh->group_names, (std::vector<std::string>{"left", "right"}));
+  EXPECT_EQ(mesh->group, (std::vector<std::int32_t>{0, 1}));
+  ASSERT_EQ(mesh->node_groups.size(), 2u);
+  EXPECT_EQ(mesh->node_groups[0].name, "base");
+  EXPECT_EQ(mesh->node_groups[0].nodes, (std::vector<std::int32_t>{0, 1, 2}));
+  EXPECT_EQ(mesh->node_groups[1].name, "pins");
+  EXPECT_EQ(mesh->node_groups[1].nodes, (std::vector<std::int32_t>{3}));
+  ASSERT_EQ(mesh->warnings.size(), 1u);  // of the unused atom
+
+  const auto error = [](const std::string& cells) {
+    const TemporaryFile wrong("wrong.pml", PmlOfTwo(cells));
+    return ErrorOf(ReadTetMesh(wrong.path()));
+  };
+  const std::string flat =
+      "<cell><cellProperties index='7' type='TETRAHEDRON'/><atomRef index='10'/><atomRef "
+      "index='20'/><atomRef index='10'/><atomRef index='40'/></cell>";
+  EXPECT_NE(error(flat).find("element 7: a tetrahedron without volume"), std::string::npos)
+      << error(flat);
+  std::string wedge = "<cell><cellProperties index='8' type='WEDGE'/>";
+  for (const int atom : {0, 10, 20, 30, 40, 50}) {
+    wedge += "<atomRef index='" + std::to_string(atom) + "'/>";
+  }
+  EXPECT_NE(error(wedge + "</cell>").find("cell 8 of component 'right' is a WEDGE; permitted"),
+            std::string::npos)
+      << error(wedge + "</cell>");
+}
+
 TEST(ReadTetMesh, IsChosenByTheFilesName) {
   EXPECT_TRUE(IsTetMeshName("a/B.MSH"));
   EXPECT_TRUE(IsTetMeshName("b.vtk"));
   EXPECT_FALSE(IsTetMeshName("b.obj"));
-  EXPECT_NE(ErrorOf(ReadTetMesh("x.obj")).find(".msh and .vtk"), std::string::npos);
+  EXPECT_NE(ErrorOf(ReadTetMesh("x.obj")).find(".msh, .pml and .vtk"), std::string::npos);
 }
 
 }  // namespace

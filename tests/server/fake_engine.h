@@ -45,6 +45,7 @@ class FakeEngine : public Engine {
   const Model& model() const override { return model_; }
   const State& state() const override { return state_; }
   bool frozen() const override { return frozen_; }
+  std::string FrozenBecause() const override { return frozen_ ? "a particle is nowhere" : ""; }
   int substeps() const override { return 1; }
   void Reset() override {
     state_ = State{};

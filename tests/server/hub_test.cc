@@ -1,5 +1,6 @@
 #include "server/hub.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -211,8 +212,10 @@ TEST_F(HubTest, EndsEveryStreamOfAFrozenSessionUntilItIsReset) {
   ASSERT_TRUE(hub_.AddOperator("needle", &operator_).ok());
   ASSERT_TRUE(hub_.AddViewer(every_frame_, &viewer).ok());
   frame_.state = v1::SESSION_STATE_FROZEN;
+  frame_.frozen_because = "a particle is nowhere";
   hub_.OnFrame(frame_, true);
   EXPECT_EQ(ReasonOf(operator_.end), "SESSION_FROZEN");
+  EXPECT_THAT(std::string(operator_.end.message()), ::testing::HasSubstr("a particle is nowhere"));
   EXPECT_EQ(ReasonOf(viewer.end), "SESSION_FROZEN");
   EXPECT_EQ(ReasonOf(hub_.AddViewer(every_frame_, &viewer)), "SESSION_FROZEN");
   EXPECT_EQ(ReasonOf(hub_.AddOperator("needle", &operator_).status()), "SESSION_FROZEN");

@@ -1,5 +1,6 @@
 #include "server/session.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <future>
@@ -165,6 +166,8 @@ TEST_F(SessionTest, FreezesOnANonFiniteValueAndSaysSo) {
   EXPECT_EQ(session_->snapshot().state, v1::SESSION_STATE_FROZEN);
   EXPECT_EQ(session_->snapshot().step, FakeEngine::kFreezeStep - 1);  // the last good one
   EXPECT_TRUE(recorder_.last.report_bits & kStepNonFinite);
+  EXPECT_EQ(session_->snapshot().frozen_because, "a particle is nowhere");
+  EXPECT_THAT(std::string(Step(1).message()), ::testing::HasSubstr("a particle is nowhere"));
   EXPECT_EQ(ReasonOf(Step(1)), "SESSION_FROZEN");
   EXPECT_EQ(ReasonOf(Do(Session::CommandKind::kResume)), "SESSION_FROZEN");
   ASSERT_TRUE(Do(Session::CommandKind::kReset).ok());

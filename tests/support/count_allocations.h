@@ -10,10 +10,12 @@
 namespace adhesim::test {
 
 inline std::atomic<long> allocations{0};
+inline std::atomic<long> allocated_bytes{0};
 
 inline void* CountedAlloc(std::size_t size,
                           std::size_t alignment = alignof(std::max_align_t)) noexcept {
   ++allocations;
+  allocated_bytes += static_cast<long>(size);
   return std::aligned_alloc(alignment, (size / alignment + 1) * alignment);
 }
 

@@ -1,32 +1,35 @@
+#include <functional>
 #include <random>
 
+#include "tests/support/test_size.h"
 #include "tests/tissue/tissue_sample.h"
 
 // What was squashed, turned inside out or scrambled comes back.
 namespace adhesim::test {
 namespace {
 
-using Spoil = Vec3 (*)(const Vec3& x, std::mt19937* random);
+constexpr double kCell_m = 0.025;
+
+using Spoil = std::function<Vec3(const Vec3& x)>;
 
 // Squashed into the plane z = 0.
-Vec3 Flat(const Vec3& x, std::mt19937*) { return {x.x(), x.y(), 0}; }
+Vec3 Flat(const Vec3& x) { return {x.x(), x.y(), 0}; }
 // Mirrored: every tetrahedron is inside out.
-Vec3 Inverted(const Vec3& x, std::mt19937*) { return {x.x(), x.y(), -x.z()}; }
-// Every particle moved by up to half a cell along each axis: a part of the tetrahedra is inside
-// out.
-Vec3 Strewn(const Vec3& at, std::mt19937* random) {
-  std::uniform_real_distribution<double> uniform(-0.0125, 0.0125);
-  const double x = uniform(*random), y = uniform(*random), z = uniform(*random);
-  return at + Vec3(x, y, z);
+Vec3 Inverted(const Vec3& x) { return {x.x(), x.y(), -x.z()}; }
+// All particles in one point.
+Vec3 Point(const Vec3&) { return Vec3::Zero(); }
+// Every particle moved by up to so many cells along each axis.
+Spoil Strewn(double cells, int seed) {
+  return [cells, random = std::mt19937(seed)](const Vec3& at) mutable {
+    std::uniform_real_distribution<double> uniform(-cells * kCell_m, cells * kCell_m);
+    const double x = uniform(random), y = uniform(random), z = uniform(random);
+    return Vec3(at + Vec3(x, y, z));
+  };
 }
 // Every particle anywhere in a box of the block's size.
-Vec3 Scrambled(const Vec3&, std::mt19937* random) {
-  std::uniform_real_distribution<double> uniform(-0.05, 0.05);
-  const double x = uniform(*random), y = uniform(*random), z = uniform(*random);
-  return {x, y, z};
+Spoil Scrambled(int seed) {
+  return [strewn = Strewn(2, seed)](const Vec3&) mutable { return strewn(Vec3::Zero()); };
 }
-// All particles in one point.
-Vec3 Point(const Vec3&, std::mt19937*) { return Vec3::Zero(); }
 
 double LeastVolumeRatio(const Engine& engine) {
   const Model& model = engine.model();
@@ -43,24 +46,24 @@ double LeastVolumeRatio(const Engine& engine) {
 
 // Seconds until the block has its shape again, up to where it lies: no tetrahedron is 1 % from its
 // volume, and the energy is 1e-6 of E V (a strain of about 1e-3). Negative: not within 5 s.
-double RecoveryTime(const std::string& law, Spoil spoil) {
+double RecoveryTime(const std::string& law, Integrator integrator, Spoil spoil) {
   TissueSample sample;
   sample.cells = 4;
   sample.poisson_ratio = 0.45;
   sample.law = law;
   sample.tolerance = 1e-4;
+  sample.integrator = integrator;
   sample.effects = "  - drag: {rate_per_s: 2}\n";
   const auto engine = EngineOf(sample.Make());
   State start = engine->state();
-  std::mt19937 random(7);
-  for (Vec3& x : start.position_m) x = spoil(x, &random);
+  for (Vec3& x : start.position_m) x = spoil(x);
   engine->Restore(start);
   const double scale_j = sample.young_modulus_pa * 1e-3;  // E V
-  Tell("  energy at the start over E V", engine->MechanicalEnergy() / scale_j);
   for (int step = 0; step < 1000; ++step) {
     engine->Step({});
     if (engine->frozen()) break;
-    if (LeastVolumeRatio(*engine) > 0.99 && engine->MechanicalEnergy() < 1e-6 * scale_j) {
+    if (step % 10 == 0 && LeastVolumeRatio(*engine) > 0.99 &&
+        engine->MechanicalEnergy() < 1e-6 * scale_j) {
       return engine->state().time_s;
     }
   }
@@ -69,27 +72,44 @@ double RecoveryTime(const std::string& law, Spoil spoil) {
   return -1;
 }
 
-void ExpectRecovery(const std::string& law, const char* name, Spoil spoil) {
-  const double time_s = RecoveryTime(law, spoil);
+bool Recovers(const std::string& law, const std::string& name, Spoil spoil,
+              Integrator integrator = Integrator::kImplicit) {
+  const double time_s = RecoveryTime(law, integrator, std::move(spoil));
   Tell(law + ", " + name + ": seconds to recover", time_s);
-  EXPECT_GT(time_s, 0) << law << " " << name;
+  return time_s > 0;
 }
 
-TEST(Recovery, OfCorotationalTissueFromAnyShape) {
-  ExpectRecovery("corotational", "flat", Flat);
-  ExpectRecovery("corotational", "inverted", Inverted);
-  ExpectRecovery("corotational", "in one point", Point);
-  ExpectRecovery("corotational", "strewn by half a cell", Strewn);
-  ExpectRecovery("corotational", "scrambled", Scrambled);
+class Recovery : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(OfTissue, Recovery, testing::Values("corotational", "neo_hookean"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(Recovery, FromFlatInvertedAndCollapsed) {
+  EXPECT_TRUE(Recovers(GetParam(), "flat", Flat));
+  if (kSanitized) return;
+  EXPECT_TRUE(Recovers(GetParam(), "inverted", Inverted));
+  EXPECT_TRUE(Recovers(GetParam(), "in one point", Point));
 }
 
-// Not from a thorough scramble: its energy has minima other than rest, in which every tetrahedron
-// has a positive volume but the mesh goes round an edge twice (docs/tissue.md).
-TEST(Recovery, OfNeoHookeanTissueFromFlatInvertedAndStrewnShapes) {
-  ExpectRecovery("neo_hookean", "flat", Flat);
-  ExpectRecovery("neo_hookean", "inverted", Inverted);
-  ExpectRecovery("neo_hookean", "in one point", Point);
-  ExpectRecovery("neo_hookean", "strewn by half a cell", Strewn);
+// One set in ten may hold a scramble that stays in a tangle (docs/tissue.md: 2 of 40 corotational
+// and 1 of 120 neo-Hookean ones from anywhere do); the set of this size does not.
+TEST_P(Recovery, FromEveryScatter) {
+  const int seeds = TestSize(1, 40);
+  int tangled = 0;
+  for (int seed = 7; seed < 7 + seeds; ++seed) {
+    tangled += !Recovers(GetParam(), "anywhere", Scrambled(seed));
+    if (kSanitized) break;
+    for (const double cells : {0.5, 1.0, 1.5, 2.0}) {
+      const std::string name = "strewn by " + std::to_string(cells);
+      tangled += !Recovers(GetParam(), name, Strewn(cells, seed));
+    }
+  }
+  EXPECT_LE(tangled, seeds / 10);
+}
+
+TEST_P(Recovery, ByNewtonsMethod) {
+  EXPECT_TRUE(Recovers(GetParam(), "a cell, Newton", Strewn(1, 7), Integrator::kNewton));
+  if (kSanitized) return;
+  EXPECT_TRUE(Recovers(GetParam(), "anywhere, Newton", Scrambled(7), Integrator::kNewton));
 }
 
 }  // namespace

@@ -14,6 +14,13 @@ constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
 constexpr int kEdgeGrain = 1024;
 
+// |F - R| at which a tetrahedron that was inside out has its shape again: the two laws then differ
+// by about this part of its energy and force.
+constexpr double kRecoveredStrain = 0.05;
+// |F - R| from which one recovers with those it touches. Without this, tetrahedra of positive
+// volume held scrambled blocks in a tangle (decision 12).
+constexpr double kSpreadStrain = 0.25;
+
 // Largest singular value of lambda p q^T + mu (q p^T + (p . q) I). In the plane of p and q, whose
 // bisectors are its axes, this is a matrix (a b; -b d); across it, mu p . q.
 double BlockNorm(const Vec3& p, const Vec3& q, double lambda, double mu) {
@@ -45,6 +52,7 @@ ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& mes
   FindEdges();
   ListCorners();
   energy_j_.resize(batch_.size());
+  if (neo_hookean_) recovers_.resize(model.particle_count());
   elastic_n_.resize(4 * tet_count_);
   if (damping_s_ > 0) damping_n_.resize(4 * tet_count_);
 }
@@ -126,7 +134,10 @@ void ElasticityEffect::ListCorners() {
 }
 
 void ElasticityEffect::InitialState(std::span<double> state) const {
-  for (std::size_t k = 0; k < state.size(); ++k) state[k] = (k / kLanes) % 4 == 3 ? 1 : 0;
+  const bool turns = !neo_hookean_;
+  for (std::size_t k = 0; k < state.size(); ++k) {
+    state[k] = turns && (k / kLanes) % 4 == 3 ? 1 : 0;
+  }
 }
 
 // Gershgorin: no eigenvalue of M^-1 K exceeds the largest sum of a row's block norms over its mass.
@@ -150,6 +161,7 @@ void ElasticityEffect::AddBounds(std::span<double> stiffness_n_m,
 }
 
 double ElasticityEffect::AddForces(const ForceInput& in, const ForceOutput& out) const {
+  if (neo_hookean_ && !in.trial) SpreadRecovery(in);
   const bool damped = damping_s_ > 0;
   const bool alone = in.parallel->threads() == 1;
   in.parallel->For(static_cast<int>(batch_.size()), kBatchGrain, [&](int begin, int end) {
@@ -195,15 +207,53 @@ void ElasticityEffect::EvaluateBatch(int b, const ForceInput& in, TetForces* for
   const TetBatch& batch = batch_[b];
   const Simd simd = in.parallel->simd();
   if (neo_hookean_) {
-    const unsigned crushed = NeoHookeanForces(simd, batch, in.position_m, forces);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      if (crushed & (1u << lane)) AddCollapseForces(batch, lane, in.position_m, forces);
-    }
+    EvaluateNeoHookean(b, in, forces);
   } else {
     EvaluateCorotational(b, in, forces);
   }
   if (damping_s_ > 0) {
     DampingForces(simd, batch, in.position_m, in.velocity_m_s, damping_s_, forces);
+  }
+}
+
+// What touches a tetrahedron that recovers, and is strained itself, recovers with it: it could hold
+// the other in a tangle.
+void ElasticityEffect::SpreadRecovery(const ForceInput& in) const {
+  std::fill(recovers_.begin(), recovers_.end(), 0);
+  bool any = false;
+  for (int t = 0; t < tet_count_; ++t) {
+    if (in.effect_state[t] == 0) continue;
+    any = true;
+    for (const auto& corner : batch_[t / kLanes].particle) recovers_[corner[t % kLanes]] = 1;
+  }
+  if (!any) return;
+  for (int t = 0; t < tet_count_; ++t) {
+    const TetBatch& batch = batch_[t / kLanes];
+    const int lane = t % kLanes;
+    const bool touches = std::any_of(std::begin(batch.particle), std::end(batch.particle),
+                                     [&](const auto& corner) { return recovers_[corner[lane]]; });
+    if (touches && StrainSq(batch, lane, in.position_m) > kSpreadStrain * kSpreadStrain) {
+      in.effect_state[t] = 1;
+    }
+  }
+}
+
+void ElasticityEffect::EvaluateNeoHookean(int b, const ForceInput& in, TetForces* forces) const {
+  const TetBatch& batch = batch_[b];
+  double* recovers = &in.effect_state[kLanes * b];
+  const unsigned crushed = NeoHookeanForces(in.parallel->simd(), batch, in.position_m, forces);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const bool is_crushed = crushed & (1u << lane);
+    if (is_crushed && !in.trial && IsInsideOut(batch, lane, in.position_m)) recovers[lane] = 1;
+    if (recovers[lane] != 0) {
+      const TetForces law = *forces;
+      const double strain_sq = SetRecoveryForces(batch, lane, in.position_m, forces);
+      if (in.trial || strain_sq > kRecoveredStrain * kRecoveredStrain) continue;
+      recovers[lane] = 0;
+      *forces = law;
+    } else if (is_crushed) {
+      AddCollapseForces(batch, lane, in.position_m, forces);
+    }
   }
 }
 
@@ -300,6 +350,11 @@ void ElasticityEffect::SumBlocks(const ForceInput& in, double stiffness_scale, d
     if (batch.end_edge <= begin || batch.first_edge >= end) continue;
     if (neo_hookean_) {
       NeoHookeanStiffness(simd, batch, in.position_m, stiffness_scale, &blocks);
+      const double* recovers = &in.effect_state[kLanes * b];
+      for (int lane = 0; lane < LanesOf(b); ++lane) {
+        if (recovers[lane] == 0) continue;
+        SetRecoveryStiffness(batch, lane, in.position_m, stiffness_scale, &blocks);
+      }
     } else {
       TetRotations rotation;
       std::memcpy(static_cast<void*>(rotation), &in.effect_state[4 * kLanes * b], sizeof(rotation));

@@ -24,9 +24,10 @@ class ElasticityEffect : public Effect {
   void UseMatrix(const BlockMatrix& matrix) override;
   void AddStiffness(const ForceInput& in, double stiffness_scale, double damping_scale,
                     BlockMatrix* matrix) const override;
-  // Of the corotational law: the rotation of each lane, x, y, z, w.
+  // Of the corotational law: the rotation of each lane, x, y, z, w. Of the neo-Hookean law: 1 while
+  // the lane's tetrahedron recovers (README.md), otherwise 0.
   int state_size() const override {
-    return neo_hookean_ ? 0 : static_cast<int>(batch_.size()) * 4 * kLanes;
+    return static_cast<int>(batch_.size()) * (neo_hookean_ ? 1 : 4) * kLanes;
   }
   void InitialState(std::span<double> state) const override;
 
@@ -40,6 +41,8 @@ class ElasticityEffect : public Effect {
   void ListCorners();
   int LanesOf(int batch) const { return std::min(kLanes, tet_count_ - batch * kLanes); }
   void EvaluateBatch(int batch, const ForceInput& in, TetForces* forces) const;
+  void SpreadRecovery(const ForceInput& in) const;
+  void EvaluateNeoHookean(int batch, const ForceInput& in, TetForces* forces) const;
   void EvaluateCorotational(int batch, const ForceInput& in, TetForces* forces) const;
   // Adds the blocks of all tetrahedra to the edges [begin, end).
   void SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale, int begin,
@@ -68,9 +71,11 @@ class ElasticityEffect : public Effect {
   std::vector<RowEntry> row_entry_;
   std::vector<std::int32_t> diagonal_slot_;
   // Scratch of one evaluation; not part of the state.
-  mutable std::vector<Lanes> energy_j_;       // [#batches]
-  mutable std::vector<Vec3> elastic_n_;       // [4 x #tetrahedra], for more than one thread
-  mutable std::vector<Vec3> damping_n_;       // likewise, or empty
+  mutable std::vector<std::uint8_t>
+      recovers_;                         // [#particles], neo-Hookean: of a tetrahedron that does
+  mutable std::vector<Lanes> energy_j_;  // [#batches]
+  mutable std::vector<Vec3> elastic_n_;  // [4 x #tetrahedra], for more than one thread
+  mutable std::vector<Vec3> damping_n_;  // likewise, or empty
   mutable std::vector<Mat3> edge_block_n_m_;  // [#edges], block (low, high)
 };
 

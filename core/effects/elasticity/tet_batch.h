@@ -57,6 +57,17 @@ void AddCollapseForces(const TetBatch& batch, int lane, std::span<const Vec3> po
 void NeoHookeanStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                          double scale, TetBlocks* out);
 
+// Whether J <= 0 in one lane.
+bool IsInsideOut(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
+// |F - R|^2 in one lane.
+double StrainSq(const TetBatch& batch, int lane, std::span<const Vec3> position_m);
+// Replaces what the neo-Hookean law gave for one lane by the law of what recovers (README.md);
+// returns |F - R|^2.
+double SetRecoveryForces(const TetBatch& batch, int lane, std::span<const Vec3> position_m,
+                         TetForces* out);
+void SetRecoveryStiffness(const TetBatch& batch, int lane, std::span<const Vec3> position_m,
+                          double scale, TetBlocks* out);
+
 // Forces of Kelvin-Voigt damping of relaxation time `damping_s`, whatever the law.
 void DampingForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                    std::span<const Vec3> velocity_m_s, double damping_s, TetForces* out);

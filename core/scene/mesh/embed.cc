@@ -170,6 +170,10 @@ class Embedder {
     w[2] = 6 * TetVolume(a, b, point, d) / six;
     w[3] = 6 * TetVolume(a, b, c, point) / six;
     w[0] = 1 - w[1] - w[2] - w[3];
+    // On a face or an edge, the corners off it carry nothing: not round-off.
+    for (double& weight : w) weight = std::abs(weight) < 1e-9 ? 0 : weight;
+    double& largest = *std::max_element(w.begin(), w.end());
+    largest += 1 - (w[0] + w[1] + w[2] + w[3]);
     carrier.least_weight = *std::min_element(w.begin(), w.end());
     return carrier;
   }

@@ -19,6 +19,8 @@ class MeshCursor {
     big_endian_ = big_endian;
   }
   bool binary() const { return binary_; }
+  // Of text; 0 in binary files.
+  std::int64_t line() const { return binary_ ? 0 : line_; }
   std::size_t left() const { return bytes_.size() - position_; }
 
   // The next word, on this line or a later one; empty at the end.

@@ -133,7 +133,8 @@ class GmshParser {
   }
   absl::Status CheckCount(std::int64_t limit, const char* of_what, std::int64_t count) {
     if (count < 0 || count > static_cast<std::int64_t>(in_.left())) {
-      return in_.Error(absl::StrCat(count, " ", of_what, " are not possible in what is left"));
+      return in_.Error(absl::StrCat(count, " ", of_what, " are not possible in the ", in_.left(),
+                                    " bytes left"));
     }
     if (count > limit) {
       return in_.Error(absl::StrCat(count, " ", of_what, "; at most ", limit, " are permitted"));
@@ -144,7 +145,8 @@ class GmshParser {
   absl::Status TextCount(std::int64_t limit, const char* of_what, std::int64_t* count) {
     const absl::string_view word = in_.Word();
     if (!ParseWhole(word, count)) {
-      return in_.Error(absl::StrCat(QuotedWord(word), " is not a number of ", of_what));
+      return in_.Error(absl::StrCat(QuotedWord(word), " is not a number of ", of_what,
+                                    "; permitted: whole numbers from 0 to ", limit));
     }
     in_.RestOfLine();
     return CheckCount(limit, of_what, *count);
@@ -275,6 +277,7 @@ class GmshParser {
   absl::Status AddElement(std::int64_t number, std::int64_t type, std::int64_t group, int bytes) {
     TetFile::Element element;
     element.number = number;
+    element.line = in_.line();
     for (int k = 0; k < NodesOf(type); ++k) {
       std::int64_t tag = 0;
       if (!in_.Whole(bytes, true, &tag)) return Truncated();
@@ -286,7 +289,8 @@ class GmshParser {
     }
     if (type == kTetrahedron) {
       if (file_.tetrahedra.size() >= kMaxTetrahedra) {
-        return in_.Error(absl::StrCat("more than ", kMaxTetrahedra, " tetrahedra"));
+        return in_.Error(
+            absl::StrCat("one tetrahedron more than the ", kMaxTetrahedra, " permitted"));
       }
       element.group = GroupNumber(3, group, &file_.group_names);
       if (element.group >= 0 && group <= INT32_MAX) element.label = static_cast<int>(group);
@@ -310,7 +314,9 @@ class GmshParser {
       if (!in_.Whole(4, true, &tags)) return Truncated();
       if (NodesOf(type) == 0) return in_.Error(NotRead(type));
       if (follow < 1 || follow > count - read || tags < 0 || tags > 100) {
-        return in_.Error("numbers of elements or of their tags that cannot be");
+        return in_.Error(absl::StrCat(follow, " elements with ", tags,
+                                      " tags each; permitted: 1 to ", count - read,
+                                      " elements, 0 to 100 tags"));
       }
       for (std::int64_t i = 0; i < follow; ++i, ++read) {
         if (in_.binary() && !in_.Whole(4, true, &number)) return Truncated();

@@ -9,6 +9,7 @@
 
 #include "core/scene/mesh/read_file.h"
 #include "core/scene/mesh/read_mesh.h"
+#include "core/scene/mesh/read_pml.h"
 
 namespace adhesim {
 namespace {
@@ -18,14 +19,16 @@ namespace {
 constexpr double kNoVolume = 1e-12;
 
 absl::Status Bad(const TetFile::Element& element, absl::string_view what) {
-  return absl::InvalidArgumentError(absl::StrCat("element ", element.number, ": ", what));
+  const std::string line = element.line > 0 ? absl::StrCat("line ", element.line, ": ") : "";
+  return absl::InvalidArgumentError(absl::StrCat(line, "element ", element.number, ": ", what));
 }
 
 absl::Status CheckNodes(const TetFile::Element& element, int corners, std::size_t node_count) {
   for (int k = 0; k < corners; ++k) {
     if (element.nodes[k] >= 0 && element.nodes[k] < static_cast<std::int64_t>(node_count)) continue;
-    return Bad(element, absl::StrCat("names a node that does not exist; the file has ", node_count,
-                                     " nodes"));
+    return Bad(element,
+               absl::StrCat("names node ", element.nodes[k], " (counted from 0); permitted: 0 to ",
+                            static_cast<std::int64_t>(node_count) - 1));
   }
   return absl::OkStatus();
 }
@@ -45,7 +48,9 @@ absl::StatusOr<Tetrahedron> Oriented(const TetFile::Element& element,
   const double volume = TetVolume(nodes, t), longest = std::sqrt(longest_sq);
   // Not "<= ...", which a NaN from an overflow would pass.
   if (!(std::abs(volume) > kNoVolume * longest_sq * longest)) {
-    return Bad(element, "a tetrahedron without volume; remove it");
+    return Bad(element, absl::StrCat("a tetrahedron without volume (", std::abs(volume),
+                                     "); permitted: above ", kNoVolume * longest_sq * longest,
+                                     ", 1e-12 of its longest edge cubed"));
   }
   if (volume < 0) std::swap(t[2], t[3]);
   return t;
@@ -108,12 +113,26 @@ absl::Status AddNodeGroups(const TetFile& file, const std::vector<std::int32_t>&
       if (node >= 0) nodes[triangle.group].push_back(node);
     }
   }
-  for (std::size_t g = 0; g < nodes.size(); ++g) {
-    std::sort(nodes[g].begin(), nodes[g].end());
-    nodes[g].erase(std::unique(nodes[g].begin(), nodes[g].end()), nodes[g].end());
-    if (!nodes[g].empty()) mesh->node_groups.push_back({file.surface_names[g], nodes[g]});
+  const auto add = [&](const std::string& name, std::vector<std::int32_t> group) {
+    std::sort(group.begin(), group.end());
+    group.erase(std::unique(group.begin(), group.end()), group.end());
+    if (!group.empty()) mesh->node_groups.push_back({name, std::move(group)});
+  };
+  for (std::size_t g = 0; g < nodes.size(); ++g) add(file.surface_names[g], std::move(nodes[g]));
+  for (const NodeGroup& group : file.node_groups) {
+    std::vector<std::int32_t> kept;
+    for (const std::int32_t node : group.nodes) {
+      if (number[node] >= 0) kept.push_back(number[node]);
+    }
+    add(group.name, std::move(kept));
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<TetMesh> ReadPmlTets(absl::string_view bytes) {
+  const absl::StatusOr<PmlModel> model = ParsePml(bytes);
+  if (!model.ok()) return model.status();
+  return TetMeshOfPml(*model);
 }
 
 }  // namespace
@@ -150,10 +169,15 @@ absl::StatusOr<TetMesh> ReadTetMesh(const std::string& path) {
   const auto error = [&](absl::string_view what) {
     return absl::InvalidArgumentError(absl::StrCat("'", path, "': ", what));
   };
-  if (!IsTetMeshName(path)) return error("tetrahedra are read from .msh and .vtk files");
+  const bool is_pml = Extension(path) == "pml";
+  if (!is_pml && !IsTetMeshName(path)) {
+    return error("tetrahedra are read from .msh, .pml and .vtk files");
+  }
   const absl::StatusOr<std::string> bytes = ReadFile(path, kMaxMeshBytes);
   if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<TetMesh> mesh = Extension(path) == "msh" ? ParseGmsh(*bytes) : ParseVtk(*bytes);
+  absl::StatusOr<TetMesh> mesh = is_pml                     ? ReadPmlTets(*bytes)
+                                 : Extension(path) == "msh" ? ParseGmsh(*bytes)
+                                                            : ParseVtk(*bytes);
   if (!mesh.ok()) return error(mesh.status().message());
   return mesh;
 }

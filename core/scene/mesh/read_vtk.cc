@@ -100,7 +100,9 @@ class VtkParser {
   absl::Status Count(const char* of_what, std::int64_t limit, std::int64_t* count) {
     const absl::string_view word = in_.Word();
     if (!ParseWhole(word, count) || *count < 0 || *count > static_cast<std::int64_t>(in_.left())) {
-      return in_.Error(absl::StrCat(QuotedWord(word), " is no possible number of ", of_what));
+      return in_.Error(absl::StrCat(QuotedWord(word), " is no possible number of ", of_what,
+                                    "; permitted: 0 to ",
+                                    std::min<std::int64_t>(limit, in_.left())));
     }
     if (*count <= limit) return absl::OkStatus();
     return in_.Error(absl::StrCat(*count, " ", of_what, "; at most ", limit, " are permitted"));
@@ -110,7 +112,11 @@ class VtkParser {
     const absl::string_view word = in_.Word();
     *type = FindType(word);
     if (*type != nullptr) return absl::OkStatus();
-    return in_.Error(absl::StrCat(QuotedWord(word), " is not a type of numbers that is read"));
+    std::string names;
+    for (const DataType& known : kDataTypes) {
+      absl::StrAppend(&names, names.empty() ? "" : ", ", known.name);
+    }
+    return in_.Error(absl::StrCat(QuotedWord(word), " is no type of numbers; permitted: ", names));
   }
 
   // Passes over so many numbers, or (`values` given) reads them: whole ones.
@@ -156,7 +162,9 @@ class VtkParser {
     if (!file_.nodes.empty()) return in_.Error("a second section POINTS");
     if (absl::Status s = Count("points", kMaxMeshVertices, &count); !s.ok()) return s;
     if (absl::Status s = Type(&type); !s.ok()) return s;
-    if (!type->is_real) return in_.Error("points are of type float or double");
+    if (!type->is_real) {
+      return in_.Error(absl::StrCat("points of type ", type->name, "; permitted: float, double"));
+    }
     in_.RestOfLine();
     for (std::int64_t i = 0; i < count; ++i) {
       Vec3 point;
@@ -183,6 +191,7 @@ class VtkParser {
     for (std::int64_t i = 0, read = 0; i < count; ++i) {
       std::int64_t corners = 0;
       if (!in_.Whole(4, true, &corners)) return Truncated();
+      lines_.push_back(in_.line());
       read += 1 + corners;
       if (corners < 0 || read > size) {
         return in_.Error(absl::StrCat("cell ", i, " (counted from 0) has ", corners,
@@ -292,22 +301,25 @@ class VtkParser {
     }
     for (std::size_t c = 0; c < cells; ++c) {
       if (IsFlat(types_[c])) continue;
-      const std::string cell = absl::StrCat("cell ", c, " (counted from 0): ");
+      const std::int64_t line = lines_.empty() ? 0 : lines_[c];
+      const std::string cell = absl::StrCat(line > 0 ? absl::StrCat("line ", line, ": ") : "",
+                                            "cell ", c, " (counted from 0): ");
       if (types_[c] != kTetrahedron) {
         return absl::InvalidArgumentError(
             absl::StrCat(cell, "type ", types_[c],
                          "; permitted: 10 (tetrahedron), beside points, lines and polygons"));
       }
       if (starts_[c + 1] - starts_[c] != 4) {
-        return absl::InvalidArgumentError(
-            absl::StrCat(cell, "a tetrahedron of ", starts_[c + 1] - starts_[c], " corners"));
+        return absl::InvalidArgumentError(absl::StrCat(
+            cell, "a tetrahedron of ", starts_[c + 1] - starts_[c], " corners; permitted: 4"));
       }
       if (file_.tetrahedra.size() >= kMaxTetrahedra) {
         return absl::InvalidArgumentError(
-            absl::StrCat("more than ", kMaxTetrahedra, " tetrahedra"));
+            absl::StrCat(cell, "one tetrahedron more than the ", kMaxTetrahedra, " permitted"));
       }
       TetFile::Element& element = file_.tetrahedra.emplace_back();
       element.number = static_cast<std::int64_t>(c);
+      element.line = line;
       std::copy_n(corners_.begin() + starts_[c], 4, element.nodes.begin());
       if (!labels_.empty() && labels_[c] >= 0 && labels_[c] <= INT32_MAX) {
         element.label = static_cast<std::int32_t>(labels_[c]);
@@ -323,6 +335,7 @@ class VtkParser {
   TetFile file_;
   std::vector<std::int64_t> starts_;   // [#cells + 1] into corners_
   std::vector<std::int64_t> corners_;  // of cells
+  std::vector<std::int64_t> lines_;    // [#cells] where they stand, or none
   std::vector<std::int64_t> types_;    // [#cells]
   std::vector<std::int64_t> labels_;   // [#cells] or none
   bool of_cells_ = false;              // the arrays that follow are the cells'

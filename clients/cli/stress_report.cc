@@ -1,0 +1,158 @@
+#include "clients/cli/stress_report.h"
+
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+namespace adhesim {
+namespace {
+
+// JSON has no infinity: what never came back is null.
+Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
+Json FiguresJson(const StressFigures& f) {
+  Json json = {{"particles", f.particles},
+               {"dt_s", f.dt_s},
+               {"substeps", f.substeps},
+               {"steps", f.steps},
+               {"simulated_s", f.simulated_s},
+               {"cpu_s", f.cpu_s},
+               {"report_bits", f.bits},
+               {"energy_excess", Finite(f.energy_excess)},
+               {"identity_error", Finite(f.identity_error)},
+               {"adhesive_share", Finite(f.adhesive_share)},
+               {"sliding_gained_share", Finite(f.sliding_share)},
+               {"sliding_share", Finite(f.slid_share)},
+               {"max_depth_m", f.max_depth_m},
+               {"end_depth_m", f.end_depth_m},
+               {"overlap_m", f.overlap_m},
+               {"captures", f.captures},
+               {"releases", f.releases},
+               {"most_zones", f.most_zones},
+               {"shape_error", Finite(f.end_shape_error)},
+               {"rest_since_s", Finite(f.rest_since_s)}};
+  if (f.capture_distance_m > 0) json["capture_distance_m"] = f.capture_distance_m;
+  if (f.peak_force_n > 0) {
+    json["peak_force_n"] = f.peak_force_n;
+    json["force_over"] = Finite(f.force_over);
+    json["coupling_over"] = Finite(f.coupling_over);
+    json["pierced"] = f.pierced;
+  }
+  return json;
+}
+
+Json TortureJson(const TortureReport& torture) {
+  Json failures = Json::array();
+  for (const TortureReport::Failure& failure : torture.failures) {
+    failures.push_back({{"seed", failure.seed}, {"cause", failure.cause}, {"scene", failure.file}});
+  }
+  return {{"first_seed", torture.first_seed},
+          {"scenes", torture.scenes},
+          {"survived", torture.survived},
+          {"refused", torture.refused},
+          {"simulated_s", torture.simulated_s},
+          {"cpu_s", torture.cpu_s},
+          {"failures", failures}};
+}
+
+}  // namespace
+
+const StressCell* StressReport::Find(std::string_view stress_case, std::string_view variant) const {
+  const auto is = [&](const StressCell& cell) {
+    return cell.stress_case == stress_case && cell.variant == variant;
+  };
+  const auto found = std::find_if(cells.begin(), cells.end(), is);
+  return found == cells.end() ? nullptr : &*found;
+}
+
+int StressReport::Count(std::string_view outcome) const {
+  return static_cast<int>(std::count_if(
+      cells.begin(), cells.end(), [&](const StressCell& cell) { return cell.outcome == outcome; }));
+}
+
+StressCell CellOf(const StressCase& stress_case, const StressVariant& variant,
+                  const StressResult& result, const std::string& commit) {
+  StressCell cell{stress_case.name, VariantName(variant), OutcomeName(result.outcome), result.cause,
+                  commit,           Json::object()};
+  if (result.figures.steps > 0) cell.figures = FiguresJson(result.figures);
+  return cell;
+}
+
+Json StressJson(const StressReport& report) {
+  Json cells = Json::array();
+  for (const StressCell& cell : report.cells) {
+    Json json = {{"case", cell.stress_case}, {"setting", cell.variant}, {"outcome", cell.outcome}};
+    if (!cell.cause.empty()) json["cause"] = cell.cause;
+    json["commit"] = cell.commit;
+    json["figures"] = cell.figures;
+    cells.push_back(std::move(json));
+  }
+  Json counts = Json::object();
+  for (const StressOutcome outcome : {StressOutcome::kSurvived, StressOutcome::kRefused,
+                                      StressOutcome::kFrozen, StressOutcome::kFailed}) {
+    counts[OutcomeName(outcome)] = report.Count(OutcomeName(outcome));
+  }
+  const AboutMachine& machine = report.machine;
+  Json json = {{"counts", counts},
+               {"machine",
+                {{"processor", machine.processor},
+                 {"cores", machine.cores},
+                 {"version", machine.version},
+                 {"build", machine.build},
+                 {"commit", machine.commit},
+                 {"date", machine.date}}}};
+  if (report.torture.scenes > 0) json["torture"] = TortureJson(report.torture);
+  json["cells"] = std::move(cells);
+  return json;
+}
+
+absl::StatusOr<std::vector<StressCell>> ReadStressCells(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return absl::NotFoundError(absl::StrCat("cannot read ", path));
+  const Json json = Json::parse(file, nullptr, false);
+  const absl::Status other = absl::InvalidArgumentError(
+      absl::StrCat(path, " is no report of `adhesim stress`; name another file, or remove it"));
+  if (!json.is_object() || !json.contains("cells") || !json["cells"].is_array()) return other;
+  std::vector<StressCell> cells;
+  for (const Json& cell : json["cells"]) {
+    const auto text = [&](const char* key) {
+      const auto at = cell.find(key);
+      return at != cell.end() && at->is_string() ? at->get<std::string>() : std::string();
+    };
+    if (!cell.is_object() || text("case").empty() || text("outcome").empty()) return other;
+    cells.push_back({text("case"), text("setting"), text("outcome"), text("cause"), text("commit"),
+                     cell.value("figures", Json::object())});
+  }
+  return cells;
+}
+
+absl::Status WriteStressFile(const std::string& path, const std::string& text) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (const fs::path folder = fs::path(path).parent_path(); !folder.empty()) {
+    fs::create_directories(folder, error);
+  }
+  const std::string part = path + ".part";
+  std::ofstream file(part, std::ios::binary);
+  file << text;
+  file.close();
+  if (file) fs::rename(part, path, error);
+  if (file && !error) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+}
+
+std::string StressLine(const StressCell& cell) {
+  std::string line =
+      absl::StrFormat("%-9s %-24s %-32s", cell.outcome, cell.stress_case, cell.variant);
+  if (cell.figures.contains("cpu_s")) {
+    absl::StrAppendFormat(&line, "%7.2f s", cell.figures["cpu_s"].get<double>());
+  }
+  if (!cell.cause.empty()) absl::StrAppend(&line, "  ", cell.cause);
+  return line + "\n";
+}
+
+}  // namespace adhesim

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <absl/status/status.h>
+#include <absl/status/statusor.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "clients/cli/about_machine.h"
+#include "clients/cli/output.h"
+#include "core/study/stress_cases.h"
+
+namespace adhesim {
+
+// One cell of the matrix, as it is kept in a file.
+struct StressCell {
+  std::string stress_case, variant;  // StressCase::name, VariantName()
+  std::string outcome;               // OutcomeName()
+  std::string cause;                 // of what is not survived
+  std::string commit;                // with which it was run
+  Json figures;
+};
+
+struct TortureReport {
+  std::uint64_t first_seed = 0;
+  int scenes = 0, survived = 0, refused = 0;
+  double simulated_s = 0, cpu_s = 0;
+  struct Failure {
+    std::uint64_t seed;
+    std::string cause, file;
+  };
+  std::vector<Failure> failures;
+};
+
+struct StressReport {
+  AboutMachine machine;
+  std::vector<StressCell> cells;
+  TortureReport torture;  // no scenes: it was not asked for
+
+  const StressCell* Find(std::string_view stress_case, std::string_view variant) const;
+  // How many cells have an outcome.
+  int Count(std::string_view outcome) const;
+};
+
+StressCell CellOf(const StressCase& stress_case, const StressVariant& variant,
+                  const StressResult& result, const std::string& commit);
+
+// {"cells": [...], "counts": {...}, "machine": {...}, "torture": {...}}.
+Json StressJson(const StressReport& report);
+// The cells of a file that StressJson() wrote. NotFound: there is no such file; InvalidArgument: it
+// is another.
+absl::StatusOr<std::vector<StressCell>> ReadStressCells(const std::string& path);
+// Replaces the file at once, so that a run that is broken off leaves a whole one.
+absl::Status WriteStressFile(const std::string& path, const std::string& text);
+
+// One line a cell for people.
+std::string StressLine(const StressCell& cell);
+
+// A page that stands alone: counts, the matrix in colours, what is not survived and why, figures.
+std::string StressPage(const StressReport& report);
+
+}  // namespace adhesim

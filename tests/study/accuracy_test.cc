@@ -1,0 +1,268 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+
+#include "core/study/accuracy_advice.h"
+#include "core/study/accuracy_apply.h"
+#include "core/study/accuracy_error.h"
+#include "core/study/accuracy_study.h"
+#include "tests/support/engine_fixture.h"
+
+namespace adhesim::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+// A beam of one layer, bent by its weight by 0.7 mm and braked. Explicit steps need several
+// sub-steps and are given one. The solver leaves nothing that an error in dt could hide in.
+constexpr char kBeam[] =
+    "rate_hz: 400  # kept\n"
+    "integration: {max_substeps: 1, tolerance: 1e-8}\n"
+    "bodies:\n"
+    "  - name: beam\n"
+    "    block: {size_m: [0.4, 0.05, 0.05]}\n"
+    "    tetrahedra: {cells: 8}\n"
+    "    density_kg_m3: 1000\n"
+    "    fixed: [half_space: {point_m: [-0.19999, 0, 0], normal: [1, 0, 0]}]\n"
+    "effects:\n"
+    "  - elasticity: {young_modulus_pa: 1e6, poisson_ratio: 0.3}\n"
+    "  - uniform_gravity: {acceleration_m_s2: [0, 0, -0.075]}\n"
+    "  - drag: {rate_per_s: 12}\n";
+
+SceneFile SceneOf(const std::string& yaml) {
+  const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
+  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
+  return file;
+}
+
+AccuracyStudy StudyOf(const std::string& yaml, double seconds) {
+  AccuracyOptions options;
+  options.quick = true;
+  options.repeats = 1;
+  options.seconds = seconds;
+  options.budget_s = 300;  // far more than it takes, also where the machine is busy
+  const SceneFile file = SceneOf(yaml);
+  absl::StatusOr<AccuracyStudy> study = StudyAccuracy(file.scene, file.directory, options);
+  EXPECT_TRUE(study.ok()) << study.status();
+  return study.ok() ? *std::move(study) : AccuracyStudy();
+}
+
+// Shared: it is the same study.
+const AccuracyStudy& BeamStudy() {
+  static const AccuracyStudy study = StudyOf(kBeam, 1);
+  return study;
+}
+
+// Runge and Kutta's method is the truth; what is left over is backward Euler's, whose error falls
+// with dt. At w dt = 0.04 to 0.17 of the first mode the next order is a tenth of it.
+TEST(AccuracyStudy, FindsBackwardEulerToBeOfFirstOrder) {
+  const AccuracyStudy& study = BeamStudy();
+  EXPECT_THAT(study.reference.name, HasSubstr("Runge"));
+  ASSERT_TRUE(study.second);
+  EXPECT_FALSE(study.chaotic);
+  ASSERT_FALSE(study.orders.empty());
+  EXPECT_EQ(study.orders[0].method, "implicit");
+  // Measured: 0.89.
+  EXPECT_NEAR(study.orders[0].fit.order, 1, 0.15);
+  // The engine at an eighth of the step has an eighth of the error.
+  const double own = study.points[0].error->position_m.l2;
+  EXPECT_NEAR(study.band->position_m.l2 / own, 0.125, 0.03);
+}
+
+// Every integrator rests where the mesh does; a single layer of tetrahedra bends by a third of what
+// Timoshenko's beam does (two layers: two thirds, docs/tissue.md).
+TEST(AccuracyStudy, KnowsWhereABeamComesToRest) {
+  const AccuracyStudy& study = BeamStudy();
+  ASSERT_TRUE(study.formula);
+  EXPECT_NEAR(study.formula->deflection_m, 1.171e-3, 1e-6);  // by hand, four digits
+  EXPECT_GT(study.reference_deflection_m, 0.2 * study.formula->deflection_m);
+  EXPECT_LT(study.reference_deflection_m, 0.6 * study.formula->deflection_m);
+  // After a second e^-6 of the swing is left.
+  EXPECT_NEAR(*study.points[0].deflection_m, study.reference_deflection_m,
+              0.02 * study.reference_deflection_m);
+}
+
+TEST(AccuracyStudy, ShowsARefusedSettingAsFailedWithItsReason) {
+  const AccuracyStudy& study = BeamStudy();
+  bool found = false;
+  for (std::size_t i = 0; i < study.points.size(); ++i) {
+    const AccuracyPoint& point = study.points[i];
+    if (point.setting.integrator != Integrator::kExplicit) continue;
+    found = true;
+    EXPECT_THAT(point.failed, HasSubstr("sub-steps"));
+    EXPECT_FALSE(point.error);
+    EXPECT_NE(study.advice.cheapest, static_cast<int>(i));
+    EXPECT_NE(study.advice.most_accurate, static_cast<int>(i));
+  }
+  EXPECT_TRUE(found);
+}
+
+TEST(AccuracyStudy, TellsWhichDialsASceneDoesNotHave) {
+  const AccuracyStudy& study = BeamStudy();
+  int offered = 0;
+  for (const AccuracyDial& dial : study.dials) {
+    EXPECT_EQ(dial.not_offered.empty(), dial.name != "stability" && dial.name != "zones")
+        << dial.name << ": " << dial.not_offered;
+    offered += dial.not_offered.empty();
+  }
+  EXPECT_EQ(offered, 6);
+}
+
+// z = -(g / c) (t - (1 - e^{-ct}) / c) for every particle.
+TEST(AccuracyRungeKutta, FallsThroughAFluidAsTheFormulaSays) {
+  const std::shared_ptr<const Model> model = ModelOf(
+      "bodies:\n  - {name: ball, icosphere: {radius_m: 0.1}, mass_kg: 1}\n"
+      "effects:\n  - uniform_gravity: {acceleration_m_s2: [0, 0, -2]}\n  - drag: {rate_per_s: "
+      "3}\n");
+  TraceOptions options;
+  options.instants_s = {0.5, 1};
+  const AccuracyTrace trace = RunRungeKutta(*model, AccuracyProbes(*model), options);
+  ASSERT_EQ(trace.failed, "");
+  const double expected_m = -2.0 / 3 * (1 - (1 - std::exp(-3.0)) / 3);
+  // Of fourth order: (c dt)^4 / 120 of the way with dt of a hundredth of a second.
+  EXPECT_NEAR(trace.position_m[1][0].z() - AccuracyProbes(*model).rest_m()[0].z(), expected_m,
+              1e-8);
+}
+
+TEST(AccuracyRungeKutta, IsNotForContactOrTools) {
+  const auto why = [](const std::string& more) {
+    return WhyNotRungeKutta(
+        *ModelOf("bodies:\n  - {name: a, icosphere: {radius_m: 0.1}, mass_kg: 1}\n" + more));
+  };
+  EXPECT_EQ(why("effects:\n  - shape_memory: {stiffness_n_m: 1}\n"), "");
+  EXPECT_THAT(why("effects:\n  - virtual_adhesive: {capture_distance_m: 0.01}\n"),
+              HasSubstr("contact"));
+  EXPECT_THAT(why("effects:\n  - volume_preservation: {}\n"), HasSubstr("constraints"));
+}
+
+// What sticks by chance lets go at another time in every run: positions part, and the scene is
+// judged by what does not.
+TEST(AccuracyStudy, JudgesWhatCannotBeForeseenByObservables) {
+  const AccuracyStudy study = StudyOf(
+      "rate_hz: 200\n"
+      "bodies:\n"
+      "  - {name: plate, sheet: {length_m: 1, width_m: 1, columns: 3, rows: 3}, mass_kg: 1, "
+      "fixed: [all: true]}\n"
+      "  - {name: drop, icosphere: {radius_m: 0.1, subdivisions: 0}, mass_kg: 1, "
+      "position_m: [0.1, 0.1, -0.09], velocity_m_s: [0, 0, 0.3]}\n"
+      "effects:\n"
+      "  - shape_memory: {stiffness_n_m: 500}\n"
+      "  - uniform_gravity: {acceleration_m_s2: [0, 0, -1]}\n"
+      "  - virtual_adhesive: {capture_distance_m: 0.01, normal_strength_pa: 1e6, "
+      "bell: {rate_per_s: 2, force_n: 1000}}\n",
+      2);
+  ASSERT_TRUE(study.band);
+  EXPECT_TRUE(study.chaotic);
+  EXPECT_TRUE(study.limits.by_observables);
+  EXPECT_TRUE(study.orders.empty());
+  EXPECT_THAT(study.references_share, HasSubstr("no second integrator"));
+  std::vector<std::string> names;
+  for (const Observable& one : study.points[0].error->observables) names.push_back(one.name);
+  EXPECT_THAT(names, ::testing::Contains("radius of gyration at the end"));
+  EXPECT_THAT(names, ::testing::Contains("last release"));
+}
+
+TEST(AccuracyError, FitsThePowerOfTheStep) {
+  const std::array<double, 3> dt = {0.01, 0.02, 0.04}, error = {3e-4, 1.2e-3, 4.8e-3};
+  const std::optional<FittedOrder> fit = FitOrder(dt, error);
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->order, 2, 1e-12);
+  EXPECT_NEAR(fit->factor, 3, 1e-10);
+  EXPECT_FALSE(FitOrder(std::array{0.01, 0.02}, std::array{1.0, 2.0}));
+  EXPECT_FALSE(FitOrder(dt, std::array{1.0, 0.0, 2.0}));
+}
+
+TEST(AccuracyError, TellsEventsThatOnlyOneRunHas) {
+  AccuracyTrace truth, trace;
+  truth.time_s = trace.time_s = {1};
+  truth.position_m = {{Vec3(0, 0, 0), Vec3(1, 0, 0)}};
+  trace.position_m = {{Vec3(0, 0, 3), Vec3(1, 4, 0)}};
+  truth.events = {{"probe touches", 0.2}, {"probe lets go", 0.7}};
+  trace.events = {{"probe touches", 0.21}, {"bodies touch", 0.4}};
+  const AccuracyError error = Compare(trace, truth);
+  EXPECT_NEAR(error.position_m.l2, std::sqrt(12.5), 1e-12);
+  EXPECT_EQ(error.position_m.linf, 4);
+  EXPECT_NEAR(error.worst_event_s, 0.01, 1e-12);
+  EXPECT_EQ(error.lost_events, 2);
+  EXPECT_FALSE(error.force_n);
+}
+
+AdviceCandidate Measured(double rate_hz, double error_m, double cost) {
+  return {.usable = true,
+          .rate_hz = rate_hz,
+          .error_m = error_m,
+          .force_n = std::nullopt,
+          .share = 0,
+          .cost = cost,
+          .step_share = cost};
+}
+
+constexpr AdviceLimits kLimits = {.tolerance_m = 1e-3,
+                                  .tolerance_n = 0.1,
+                                  .tolerance_share = 0.05,
+                                  .rate_hz = 100,
+                                  .step_share = 0.5};
+
+TEST(AccuracyAdvice, TakesTheCheapestWithinTheToleranceAndTheBestWithinTheRate) {
+  std::vector<AdviceCandidate> table = {Measured(200, 5e-4, 0.4), Measured(50, 9e-4, 0.1),
+                                        Measured(25, 4e-3, 0.05), Measured(400, 1e-4, 0.9)};
+  Advice advice = Advise(table, kLimits);
+  EXPECT_EQ(advice.cheapest, 1);
+  EXPECT_EQ(advice.most_accurate, 0);  // 3 takes too long a step, 1 and 2 step too rarely
+  table[1].force_n = 0.2;
+  EXPECT_EQ(Advise(table, kLimits).cheapest, 0);
+  table[0].usable = false;
+  advice = Advise(table, kLimits);
+  EXPECT_EQ(advice.cheapest, 3);
+  EXPECT_EQ(advice.most_accurate, -1);
+  EXPECT_EQ(Advise({}, kLimits).cheapest, -1);
+}
+
+TEST(AccuracyAdvice, OfAChaoticSceneGoesByObservables) {
+  std::vector<AdviceCandidate> table = {Measured(200, 1e-6, 0.1), Measured(200, 1, 0.3)};
+  table[0].share = 0.2;
+  table[1].share = 0.01;
+  AdviceLimits limits = kLimits;
+  limits.by_observables = true;
+  EXPECT_EQ(Advise(table, limits).cheapest, 1);
+}
+
+TEST(AccuracyApply, ChangesTheNumbersAndNothingElse) {
+  const SceneFile file = SceneOf(kBeam);
+  const auto text = TextWithEdits(
+      file,
+      {{"rate_hz", "50"}, {"integration.tolerance", "0.01"}, {"integration.max_substeps", "9"}});
+  ASSERT_TRUE(text.ok()) << text.status();
+  std::string expected = kBeam;
+  expected.replace(expected.find("400  # kept"), 3, "50");
+  expected.replace(expected.find("max_substeps: 1"), 15, "max_substeps: 9");
+  expected.replace(expected.find("1e-8"), 4, "0.01");
+  EXPECT_EQ(*text, expected);
+}
+
+TEST(AccuracyApply, AddsWhatTheFileDoesNotHaveInFrontOfTheBodies) {
+  std::string yaml = kBeam;
+  yaml.erase(0, yaml.find("bodies:"));
+  const auto text = TextWithEdits(
+      SceneOf(yaml),
+      {{"rate_hz", "50"}, {"integration.integrator", "newton"}, {"integration.tolerance", "0.01"}});
+  ASSERT_TRUE(text.ok()) << text.status();
+  EXPECT_EQ(*text, "rate_hz: 50\nintegration: {tolerance: 0.01, integrator: newton}\n" + yaml);
+  const auto block = TextWithEdits(SceneOf("integration:\n  max_substeps: 9  # many\n" + yaml),
+                                   {{"integration.tolerance", "0.01"}});
+  ASSERT_TRUE(block.ok()) << block.status();
+  EXPECT_EQ(*block, "integration:\n  tolerance: 0.01\n  max_substeps: 9  # many\n" + yaml);
+}
+
+TEST(AccuracyApply, RefusesWhatItCannotWriteSafely) {
+  EXPECT_FALSE(TextWithEdits(SceneOf(kBeam), {{"rate_hz", "-1"}}).ok());
+  EXPECT_FALSE(TextWithEdits(SceneOf(kBeam), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
+  const std::string json =
+      "{\"bodies\": [{\"name\": \"a\", \"icosphere\": {\"radius_m\": 1}, \"mass_kg\": 1}]}";
+  EXPECT_FALSE(TextWithEdits(SceneOf(json), {{"rate_hz", "50"}}).ok());
+}
+
+}  // namespace
+}  // namespace adhesim::test
