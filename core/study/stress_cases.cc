@@ -186,6 +186,28 @@ const StressCase kCases[] = {
      nullptr, nullptr, nullptr, true},
     {"hour", "contact", "hour", "an hour at 1 kHz", 3600, kNoRest, DoesNotCreep, nullptr, nullptr,
      nullptr, nullptr, true},
+    // Torture: random scenes that failed; each is to be mended.
+    {"torture_4", "torture", "torture_4", "needle, pinned sheet and ball in one zone", 2, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "the zone is split where tool and pins disagree, and the tool goes through the sheet"},
+    {"torture_9", "torture", "torture_9", "blocks of a millimetre and 4 MPa at 100 Hz", 2, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "a linear step that is long against its motion adds 3 % of E_ref"},
+    {"torture_12", "torture", "torture_12", "bodies that overlap at the start", 2, kNoRest, nullptr,
+     nullptr, nullptr, nullptr, nullptr, true,
+     "0.72 mm deep after the overlap was over, at a capture distance of 0.5 mm"},
+    {"torture_39", "torture", "torture_39", "lancet and pins in one zone", 2, kNoRest, nullptr,
+     nullptr, nullptr, nullptr, nullptr, true,
+     "the zone is split where tool and pins disagree, and the tool goes through"},
+    {"torture_43", "torture", "torture_43", "four soft bodies at 60 Hz", 2, kNoRest, nullptr,
+     nullptr, nullptr, nullptr, nullptr, true,
+     "a linear step that is long against its motion adds 2 % of E_ref"},
+    {"torture_49", "torture", "torture_49", "fast tool on soft tissue at 100 Hz", 2, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "more sub-steps were needed than permitted, and bodies got 1.5 mm into each other"},
+    {"torture_71", "torture", "torture_71", "needle of 50 g on 7 MPa at 200 Hz", 2, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "a tool's coupling sees tissue explicitly: on tissue stiffer than m / dt^2 it swings"},
 };
 
 }  // namespace

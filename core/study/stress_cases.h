@@ -15,7 +15,7 @@ namespace adhesim {
 // always must (WhatFails).
 struct StressCase {
   const char* name;
-  const char* group;  // "shape", "contrast", "mesh", "tools", "contact"
+  const char* group;  // "shape", "contrast", "mesh", "tools", "contact" or "torture"
   const char* scene;  // file in scenes/stress, without ".yaml"
   const char* title;  // what is hard about it, in a few words
   double duration_s;  // simulated

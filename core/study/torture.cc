@@ -108,11 +108,13 @@ class Writer {
       absl::StrAppend(&text_, ", tetrahedra: {cells: ", 1 + draw_.Below(3), "}");
       particles_ += 64;
       any_filled_ = true;
-    } else {
+    }
+    const int held = draw_.Below(8);
+    const bool rigid = held == 2 && !filled;
+    if (!rigid && !sheet) ++closed_;
+    if (!rigid && !filled) {
       absl::StrAppend(&surfaces_, surfaces_.empty() ? "" : ", ", "b", index);
     }
-    if (!sheet) ++closed_;
-    const int held = draw_.Below(8);
     const double mass_kg = draw_.Decades(0.001, 1);
     absl::StrAppendFormat(&text_, ", mass_kg: %.4g, position_m: %s, rotation_deg: %s", mass_kg,
                           Text(at), Text(draw_.In(180)));
@@ -122,7 +124,7 @@ class Writer {
       absl::StrAppendFormat(&text_, ", fixed: [half_space: {point_m: %s, normal: [0, 0, 1]}]",
                             Text(at));
     } else {
-      if (held == 2 && !filled) absl::StrAppend(&text_, ", kind: rigid");
+      if (rigid) absl::StrAppend(&text_, ", kind: rigid");
       const double speed = draw_.Of({0.0, 0.1, 1.0});
       absl::StrAppendFormat(&text_, ", velocity_m_s: %s, angular_velocity_rad_s: %s",
                             Text(draw_.In(speed)), Text(draw_.In(10 * speed)));
