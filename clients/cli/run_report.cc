@@ -55,6 +55,7 @@ Json EnergyJson(const Engine& engine) {
           {"correction_j", ledger.correction_j},
           {"volume_j", ledger.volume_j},
           {"sliding_j", ledger.sliding_j},
+          {"tie_j", ledger.tie_j},
           {"identity_error", IdentityError(ledger)}};
 }
 

@@ -27,6 +27,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
     capture_distance_m_ = model.adhesive->capture_distance_m;
     release_distance_m_ = model.adhesive->release_distance_m;
   }
+  MeasureMeshes();
   limit_.resize(model.rest_position_m.size());
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
@@ -129,6 +130,11 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
     if (candidate.gap_m >= capture_distance_m_) continue;
     // What moves as one does not approach.
     if (!slides() && candidate.gap_m >= 0 && MoveAsOne(*contacts, candidate)) continue;
+    const int body = model_.body_of[candidate.particle];
+    if (Ties(body, candidate.body) && (!TiesParticlesOf(body, candidate.body) ||
+                                       IsTied(candidate.particle, candidate.body, *contacts))) {
+      continue;
+    }
     const Triangle& tri = model_.triangles[candidate.triangle];
     Vec3 surface = Vec3::Zero();
     for (int k = 0; k < 3; ++k) surface += candidate.weights(k) * state.velocity_m_s[tri[k]];
@@ -201,6 +207,28 @@ bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) con
   return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
 }
 
+// With the members that may be: of some weight, not held against the tool, and not released from
+// it.
+Bond Adhesive::BondOf(const NearTool& near, const State& state, const Contacts& contacts) const {
+  Bond bond;
+  bond.since_s = state.time_s;
+  bond.tool = near.tool;
+  bond.triangle = near.triangle;
+  bond.sticky = near.sticky;
+  bond.gap_m = near.gap_m;
+  bond.tool_normal = state.tools[near.tool].pose.orientation.conjugate() * near.normal;
+  bond.sliding = model_.tools[near.tool].friction_coefficient.has_value();
+  for (int k = 0; k < 3; ++k) {
+    bond.weights[k] = near.weights(k);
+    const int v = model_.triangles[near.triangle][k];
+    const ReleasedPair* released = FindReleased(contacts, v, ToolKey(near.tool));
+    const bool eligible = near.weights(k) > kMinWeight && !HeldAgainst(near.tool, v, contacts) &&
+                          !(released && near.gap_m >= released->gap_m);
+    bond.vertices[k] = eligible ? v : -1;
+  }
+  return bond;
+}
+
 int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                              StepReport* report) {
   const int tools = static_cast<int>(model_.tools.size());
@@ -213,29 +241,22 @@ int Adhesive::CaptureByTools(std::span<const NearTool> near, const State& state,
   });
   int captured = 0;
   for (const NearTool& pair : near) {
-    if (pair.gap_m >= capture_distance_m_ || !(pair.approaching || pair.gap_m < 0)) continue;
-    Bond bond;
-    bond.since_s = state.time_s;
-    bond.tool = pair.tool;
-    bond.triangle = pair.triangle;
-    bond.sticky = pair.sticky;
-    bond.gap_m = pair.gap_m;
-    bond.tool_normal = state.tools[pair.tool].pose.orientation.conjugate() * pair.normal;
+    const bool slides = model_.tools[pair.tool].friction_coefficient.has_value();
+    if (pair.gap_m >= capture_distance_m_) continue;
+    // What may slide does no harm before it comes nearer.
+    if (!slides && !(pair.approaching || pair.gap_m < 0)) continue;
+    Bond bond = BondOf(pair, state, *contacts);
     bool adds = false;
-    for (int k = 0; k < 3; ++k) {
-      bond.weights[k] = pair.weights(k);
-      const int v = model_.triangles[pair.triangle][k];
-      const ReleasedPair* released = FindReleased(*contacts, v, ToolKey(pair.tool));
-      const bool eligible = pair.weights(k) > kMinWeight && !HeldAgainst(pair.tool, v, *contacts) &&
-                            !(released && pair.gap_m >= released->gap_m);
-      bond.vertices[k] = eligible ? v : -1;
+    for (const std::int32_t v : bond.vertices) {
+      if (v < 0) continue;
       // A particle that the tool already holds needs no second bond.
       const int zone = contacts->zone_of[v];
-      adds = adds || (eligible && (zone < 0 || contacts->zones[zone].tool != pair.tool));
+      adds = adds || zone < 0 || contacts->zones[zone].tool != pair.tool;
     }
     if (!adds) continue;
     const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
     if (at != contacts->bonds.end() && Key(*at) == Key(bond)) {
+      if (slides) continue;  // FollowSlidingOnTools() keeps it where it touches, or it sticks
       // The contact point may have moved: what it held, it keeps.
       for (int k = 0; k < 3; ++k) bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
       bond.Continue(*at);

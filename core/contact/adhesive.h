@@ -11,6 +11,7 @@
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
+#include "core/model/tie_geometry.h"
 
 namespace adhesim {
 
@@ -32,7 +33,9 @@ namespace adhesim {
 // A bond of which only a part still holds ends where its contact points are further apart than
 // d_off: a far corner says nothing about a contact that is gone.
 // With a Bell rate, one in tension also lets go by chance.
-// With friction, a new contact slides (ContactRows) until friction has stopped it, and in
+// With ties, bonds between deformable bodies make no zones: the particle of the finer mesh is tied
+// to a point of the other's triangle (TieGeometry), and lets go by itself, under what the tie
+// carries. With friction, a new contact slides (ContactRows) until friction has stopped it, and in
 // compression (lambda_n <= 0) a particle that sticks slides when |lambda_t| > sigma_t A_i + mu
 // |lambda_n|.
 class Adhesive {
@@ -90,15 +93,22 @@ class Adhesive {
   int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                      StepReport* report);
 
+  // FollowSliding() for tools: renews where bonds that slide on them touch, drops those that are
+  // further apart than d_off, and makes those that friction has stopped stick.
+  int FollowSlidingOnTools(std::span<const NearTool> near, const State& state, Contacts* contacts);
+
   // True when the tool cannot take the particle along: it is fixed, or in a zone that is held by
   // fixed particles or by another tool. Such a particle stops the tool instead.
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
 
+  // Ties what sticks by ties and is not tied yet, where it is now. After every change of bonds.
+  void Tie(std::span<const Vec3> position_m, Contacts* contacts) const;
+
   // Releases every colliding particle whose load [#particles, N] exceeds its strength
   // (`strength_scale` [#tools] multiplies that of tools' bonds), and those that chance takes in
-  // `chance_s` seconds (0: chance has spoken already). Writes Zone::load. Returns the number that
-  // let go or began to slide.
-  int Release(std::span<const Vec3> load_n, const State& state,
+  // `chance_s` seconds (0: chance has spoken already). Likewise every tie, by its own load. Writes
+  // Zone::load. Returns the number that let go or began to slide.
+  int Release(std::span<const Vec3> load_n, std::span<const TieLoad> tie_load, const State& state,
               std::span<const double> strength_scale, double chance_s, Contacts* contacts);
   // Lets go of everything a tool holds.
   int ReleaseTool(int tool, Contacts* contacts);
@@ -112,6 +122,7 @@ class Adhesive {
     bool bonded;
     bool released;
     bool slides;
+    double friction = 0;  // Coulomb's coefficient
   };
   // Load over strength: above 1 it gives way, by sliding or by letting go.
   struct Demand {
@@ -169,7 +180,14 @@ class Adhesive {
   // Contacts begin by sliding.
   bool slides() const { return model_.adhesive->friction_coefficient.has_value(); }
   void ShowMembers(Bond* bond) const;
+  Bond BondOf(const NearTool& near, const State& state, const Contacts& contacts) const;
   void RemoveReleased(Contacts* contacts);
+  void MeasureMeshes();
+  bool Ties(int body, int other) const;
+  bool TiesParticlesOf(int body, int other) const;
+  bool IsTied(int particle, int body, const Contacts& contacts) const;
+  int ReleaseTies(std::span<const TieLoad> loads, const State& state, double chance_s,
+                  const Contacts& contacts);
   Vec3 BondNormal(const Bond& bond, const State& state) const;
   void AddReleased(int particle, int other, double gap_m, Contacts* contacts);
   const ReleasedPair* FindReleased(const Contacts& contacts, int particle, int other) const;
@@ -177,7 +195,8 @@ class Adhesive {
   const Model& model_;
   double capture_distance_m_ = 0;
   double release_distance_m_ = 0;
-  std::vector<Limit> limit_;  // [#particles]
+  std::vector<double> mesh_area_m2_;  // [#bodies]
+  std::vector<Limit> limit_;          // [#particles]
   RigidInterfaces rigid_;
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces

@@ -80,6 +80,7 @@ int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const
   bond.sliding = false;
   bond.calm = ZoneBuilder::kAcrossPatches;
   const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
+  if (at != contacts->bonds.end() && !KeyLess(bond, *at) && at->tied) return 0;
   if (at != contacts->bonds.end() && !KeyLess(bond, *at) && at->calm != bond.calm) {
     bond.Continue(*at);
     *at = bond;  // it slid, or held within its patch only
@@ -95,6 +96,7 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
   for (const NearPair& pair : near) {
     if (pair.gap_m < 0) continue;  // inside a body: it may leave
     if (MoveAsOne(*contacts, pair)) continue;
+    if (IsTied(pair.particle, pair.body, *contacts)) continue;
     const Bond bond = BondOf(pair, state.time_s);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
   }

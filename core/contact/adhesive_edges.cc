@@ -33,6 +33,8 @@ int Adhesive::CaptureEdges(std::span<const NearEdges> near, const State& state, 
   for (const NearEdges& pair : near) {
     if (pair.gap_m >= capture_distance_m_) continue;
     if (contacts->overlapping && pair.gap_m < 0) continue;
+    if (Ties(model_.body_of[pair.ends[0]], model_.body_of[model_.triangles[pair.triangle][0]]))
+      continue;
     const std::vector<Vec3>& v = state.velocity_m_s;
     const Triangle& tri = model_.triangles[pair.triangle];
     Vec3 velocity = (1 - pair.s) * v[pair.ends[0]] + pair.s * v[pair.ends[1]];

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/contact/adhesive.h"
+#include "core/contact/zone_builder.h"
 #include "core/model/chance.h"
 
 namespace adhesim {
@@ -16,7 +17,10 @@ Vec3 Adhesive::BondNormal(const Bond& bond, const State& state) const {
 }
 
 void Adhesive::Bear(int tool, const BondLimit& one, double scale, Limit* limit) const {
-  limit->may_slide = limit->may_slide && tool < 0 && model_.adhesive->friction_coefficient;
+  const std::optional<double>& friction =
+      tool < 0 ? model_.adhesive->friction_coefficient : model_.tools[tool].friction_coefficient;
+  limit->may_slide = limit->may_slide && friction;
+  limit->friction = std::max(limit->friction, friction.value_or(0));
   // What has several bonds is held by its strongest.
   limit->normal_n = std::max(limit->normal_n, scale * one.normal_n);
   limit->shear_n = std::max(limit->shear_n, scale * one.shear_n);
@@ -33,7 +37,7 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
                              const Contacts& contacts) {
   for (int p : contacts.zone_members) limit_[p].bonded = false;
   for (const Bond& bond : contacts.bonds) {
-    if (bond.sliding) continue;
+    if (bond.sliding || bond.tied) continue;
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
     // Both ends of an edge share its normal as the corners share theirs.
@@ -63,8 +67,7 @@ Adhesive::Demand Adhesive::DemandOn(const Limit& limit, const Vec3& load) const 
   };
   if (tension <= 0) {
     if (!limit.may_slide) return {0, false, false};
-    return {over(shear, limit.shear_n - tension * *model_.adhesive->friction_coefficient), true,
-            false};
+    return {over(shear, limit.shear_n - tension * limit.friction), true, false};
   }
   const double normal_ratio = over(tension, limit.normal_n);
   const double shear_ratio = over(shear, limit.shear_n);
@@ -114,6 +117,7 @@ int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const 
       whole.normal_n += limit_[p].normal_n;
       whole.shear_n += limit_[p].shear_n;
       whole.may_slide = whole.may_slide && limit_[p].may_slide;
+      whole.friction = std::max(whole.friction, limit_[p].friction);
       load += load_n[p];
     }
     if (fixed) continue;  // its load is not of the contact alone; the other side decides
@@ -129,13 +133,14 @@ int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const 
   return released;
 }
 
-int Adhesive::Release(std::span<const Vec3> load_n, const State& state,
-                      std::span<const double> strength_scale, double chance_s, Contacts* contacts) {
+int Adhesive::Release(std::span<const Vec3> load_n, std::span<const TieLoad> tie_load,
+                      const State& state, std::span<const double> strength_scale, double chance_s,
+                      Contacts* contacts) {
   if (contacts->bonds.empty()) return 0;
   contacts->draws += model_.adhesive->bell && chance_s > 0;
   CollectLimits(state, strength_scale, *contacts);
   bond_verdict_.assign(contacts->bonds.size(), 0);
-  int released = 0;
+  int released = ReleaseTies(tie_load, state, chance_s, *contacts);
   for (Zone& zone : contacts->zones) {
     zone.load = 0;
     const bool patch = model_.adhesive->patch_size_m && zone.tool < 0 && zone.rigid_body < 0;
@@ -165,6 +170,14 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
     Bond& bond = contacts->bonds[b];
     if (bond.sliding) continue;
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
+    if (bond.tied) {
+      if (bond_verdict_[b] != kLetsGo) continue;
+      // What only kept surfaces apart may stick at once.
+      if (bond.calm != ZoneBuilder::kAcrossPatches)
+        AddReleased(bond.particle, body, bond.gap_m, contacts);
+      bond.holds_particle = bond.holds_partner = false;
+      continue;
+    }
     const int other = bond.tool >= 0 ? ToolKey(bond.tool) : model_.body_of[bond.particle];
     const auto lets_go = [&](int p) { return bond_verdict_[b] == kLetsGo || limit_[p].released; };
     bool slides = bond_verdict_[b] == kSlides;
@@ -174,7 +187,13 @@ void Adhesive::RemoveReleased(Contacts* contacts) {
       AddReleased(v, other, bond.gap_m, contacts);
       v = -1;
     }
-    if (bond.tool >= 0) continue;
+    if (bond.tool >= 0) {
+      if (slides && bond.Holds()) {
+        bond.sliding = true;
+        bond.calm = 0;
+      }
+      continue;
+    }
     if (bond.holds_particle && lets_go(bond.particle)) {
       AddReleased(bond.particle, body, bond.gap_m, contacts);
       bond.holds_particle = false;

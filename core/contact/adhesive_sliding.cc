@@ -17,12 +17,12 @@ int Adhesive::FollowSliding(std::span<const NearPair> near, double time_s, Conta
   // to carry everything.
   calm_.clear();
   for (const Bond& bond : contacts->bonds) {
-    if (bond.sliding && bond.calm >= kCalm) calm_.push_back(BodiesOf(bond));
+    if (bond.tool < 0 && bond.sliding && bond.calm >= kCalm) calm_.push_back(BodiesOf(bond));
   }
   std::sort(calm_.begin(), calm_.end());
   int changes = 0;
   for (Bond& bond : contacts->bonds) {
-    if (!bond.sliding) continue;
+    if (!bond.sliding || bond.tool >= 0) continue;
     if (bond.calm > 0 && std::binary_search(calm_.begin(), calm_.end(), BodiesOf(bond))) {
       bond.sliding = false;
       bond.since_s = time_s;
@@ -71,9 +71,47 @@ void Adhesive::EndSliding(int b, bool held, bool parted, Contacts* contacts) {
   Bond& bond = contacts->bonds[b];
   bond.calm = held ? std::min(bond.calm + 1, kCalm) : 0;
   if (!parted) return;
+  for (const std::int32_t v : bond.vertices) {
+    if (bond.tool >= 0 && v >= 0) AddReleased(v, ToolKey(bond.tool), bond.gap_m, contacts);
+  }
+  if (bond.tool >= 0) {
+    bond.triangle = -1;
+    return;
+  }
   AddReleased(bond.particle, model_.body_of[model_.triangles[bond.triangle][0]], bond.gap_m,
               contacts);
   bond.triangle = -1;
+}
+
+int Adhesive::FollowSlidingOnTools(std::span<const NearTool> near, const State& state,
+                                   Contacts* contacts) {
+  int changes = 0;
+  for (int tool = 0; tool < static_cast<int>(model_.tools.size()); ++tool) {
+    const auto calm = [tool](const Bond& bond) {
+      return bond.tool == tool && bond.sliding && bond.calm >= kCalm;
+    };
+    const bool stops = std::any_of(contacts->bonds.begin(), contacts->bonds.end(), calm);
+    for (Bond& bond : contacts->bonds) {
+      if (bond.tool != tool || !bond.sliding) continue;
+      const auto at = std::lower_bound(
+          near.begin(), near.end(), std::pair(tool, bond.triangle),
+          [](const NearTool& a, const auto& key) { return std::pair(a.tool, a.triangle) < key; });
+      if (at == near.end() || at->tool != tool || at->triangle != bond.triangle ||
+          at->gap_m > release_distance_m_) {
+        bond.triangle = -1;
+        ++changes;
+        continue;
+      }
+      const std::int8_t calm_for = bond.calm;
+      bond = BondOf(*at, state, *contacts);
+      bond.calm = calm_for;
+      if (!stops || calm_for == 0 || !bond.Holds()) continue;
+      bond.sliding = false;
+      ++changes;
+    }
+  }
+  RemoveParted(contacts);
+  return changes;
 }
 
 int Adhesive::RemoveParted(Contacts* contacts) {

@@ -40,7 +40,7 @@ void RigidInterfaces::CollectEdges(const Contacts& contacts) {
     int member = -1;
     bond.ForEachMember([&](int p) { member = p; });
     const auto [a, b] = std::minmax({FirstNode(bond), SecondNode(bond)});
-    return Edge{bond.sliding ? -1 : contacts.zone_of[member], a, b};
+    return Edge{bond.sliding || bond.tied ? -1 : contacts.zone_of[member], a, b};
   };
   // Only zones with a rigid body have an interface between rigid things.
   const auto relevant = [&](const Edge& edge) {

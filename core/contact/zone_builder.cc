@@ -135,7 +135,7 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   // refused.
   for (const bool tools : {false, true}) {
     for (Bond& bond : contacts->bonds) {
-      if ((bond.tool >= 0) != tools || bond.sliding) continue;
+      if ((bond.tool >= 0) != tools || bond.sliding || bond.tied) continue;
       if (!tools) KeepCarriersTogether(&bond, report);
       if (!bond.Holds()) continue;
       const bool whole = tools || bond.calm == kAcrossPatches;
@@ -159,7 +159,7 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   for (const Bond& bond : contacts->bonds) {
     bond.ForEachMember([&](int p) {
       colliding_[p] = 1;
-      if (!bond.sliding) MarkMember(p);
+      if (!bond.sliding && !bond.tied) MarkMember(p);
     });
   }
   contacts->colliding_particles =

@@ -29,6 +29,11 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
         "virtual_adhesive: friction_coefficient and kappa_adh_m act on the mass of a surface's "
         "particles, and a carried surface has none; permitted: strengths, on blocks also both");
   }
+  if (model->adhesive && model->adhesive->ties && model->integrator != Integrator::kExplicit) {
+    return absl::InvalidArgumentError(
+        "virtual_adhesive: ties are constraints of explicit steps; permitted: integration: "
+        "{integrator: explicit}, or zones (ties: false, patch_size_m)");
+  }
   std::unique_ptr<Pipeline> pipeline(new Pipeline(std::move(model), options));
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
   if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
@@ -197,11 +202,13 @@ absl::Status Pipeline::CompileTools() {
   tools_can_collide_ = tools > 1 || !obstacles.empty();
   if (adhesive_) tool_contacts_ = std::make_unique<ToolContacts>(*model_, *tool_set_);
   tool_twist_.resize(tools);
+  last_twist_.resize(tools);
   tool_pose_.resize(tools);
   tool_impulse_.resize(tools);
   coupling_impulse_.resize(tools);
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);
+  solver_->SetTools({last_twist_, tool_twist_, strength_scale_});
   bytes_.tools = heap.Take();
   return absl::OkStatus();
 }
@@ -273,6 +280,16 @@ void Pipeline::MakeStartState() {
   // Capacities first: copies have only their size.
   ZoneBuilder::Reserve(*model_, &state_.contacts);
   Restore(start_);
+}
+
+void Pipeline::Restore(const State& state) {
+  state_ = state;
+  frozen_ = false;
+  has_forces_ = false;
+  searched_ = edges_next_ = false;
+  solver_->Forget();
+  if (implicit_) implicit_->Forget();
+  if (force_error_) force_error_->Forget();
 }
 
 }  // namespace adhesim

@@ -191,6 +191,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
       if (retracted_[t]) changes += adhesive_->ReleaseTool(static_cast<int>(t), &state_.contacts);
     }
     near_tools_ = tool_contacts_->Find(state_, *detector_, retracted_, dt_s);
+    changes += adhesive_->FollowSlidingOnTools(near_tools_, state_, &state_.contacts);
     changes += adhesive_->CaptureByTools(near_tools_, state_, &state_.contacts, &report_);
   }
   if (changes > 0) RenewZones();
@@ -262,9 +263,10 @@ void Pipeline::MoveTools(double dt_s) {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) tool_pose_[t] = state_.tools[t].pose;
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
+    last_twist_[t] = tool.twist;
     // What the tool carries: the inertia of its zone, and the forces on it.
     Mat6 inertia = ToolInertia(model_->tools[t], tool.pose);
-    Wrench applied;
+    Wrench applied = tool.rubbed;
     for (const Zone& zone : state_.contacts.zones) {
       if (zone.tool != static_cast<int>(t)) continue;
       for (int k = zone.first; k < zone.first + zone.count; ++k) {
@@ -369,7 +371,7 @@ void Pipeline::Solve(double dt_s) {
     if (!adhesive_) return;
     int changes = 0;
     if (releasing && passes < kReleasePasses) {
-      changes = adhesive_->Release(solver_->load_n(), state_, strength_scale_,
+      changes = adhesive_->Release(solver_->load_n(), solver_->tie_load(), state_, strength_scale_,
                                    passes == 0 ? dt_s : 0, &state_.contacts);
       report_.releases += changes;
       if (++passes == kReleasePasses && changes > 0) report_.bits |= kStepReleasePasses;
@@ -395,16 +397,6 @@ bool Pipeline::Finite() const {
   for (const ToolState& tool : state_.tools)
     sum += tool.pose.position_m.sum() + tool.tissue.force_n.sum();
   return std::isfinite(sum);
-}
-
-void Pipeline::Restore(const State& state) {
-  state_ = state;
-  frozen_ = false;
-  has_forces_ = false;
-  searched_ = edges_next_ = false;
-  solver_->Forget();
-  if (implicit_) implicit_->Forget();
-  if (force_error_) force_error_->Forget();
 }
 
 Frame Pipeline::MakeFrame() const {

@@ -78,6 +78,7 @@ class Pipeline : public Engine {
     zones_parted_ = false;
   }
   void RenewZones() {
+    adhesive_->Tie(state_.position_m, &state_.contacts);
     zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
     solver_->Capture(&state_, tool_impulse_);
   }
@@ -136,6 +137,7 @@ class Pipeline : public Engine {
   std::vector<Vec3> total_force_n_;       // [#particles]
   std::vector<Vec3> implicit_damping_n_;  // [#particles] goes unused: implicit steps find their own
   std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
+  std::vector<Twist> last_twist_;         // [#tools] before it
   std::vector<Pose> tool_pose_;           // [#tools]
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise

@@ -81,6 +81,7 @@ struct ToolModel {
   CouplingParameters coupling;
   Strength strength{0, 0};
   std::optional<double> work_of_adhesion_j_m2;  // as in AdhesiveParameters
+  std::optional<double> friction_coefficient;   // absent: what is pressed sticks
   double sticky_length_m =
       std::numeric_limits<double>::infinity();  // behind the tip; further up nothing sticks
   std::vector<TimedPose> trajectory;            // by time; empty: none
@@ -109,6 +110,7 @@ struct AdhesiveParameters {
   std::optional<double> friction_coefficient;   // absent: what sticks under pressure never slides
   bool self_collision = false;                  // surfaces stick to themselves too
   std::optional<double> work_of_adhesion_j_m2;  // lowers the strengths by mesh size and stiffness
+  bool ties = false;                            // deformable bodies: points instead of zones
 };
 
 // Everything about a scene that does not change while it runs. Const after loading.

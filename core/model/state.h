@@ -30,6 +30,11 @@ struct Bond {
   bool sliding = false;      // its sides move along each other: no zone by it
   // Sub-steps for which friction has held it, while it slides; -1: sticks, across patches too.
   std::int8_t calm = 0;
+  // Its sides are tied (TieGeometry): no zone by it, either.
+  bool tied = false;
+  Vec3 tie_offset_m = Vec3::Zero();  // what it keeps, in the frame of the triangle
+  Vec3 tie_force_n =
+      Vec3::Zero();  // on the particle's side in the last sub-step; written by `solve`
   Vec3 tool_normal = Vec3::Zero();  // tool bonds: unit, from tool to tissue, in the tool's frame
   double since_s = 0;         // simulated time at the beginning of the step in which it took hold
   double strength_scale = 1;  // what effects make of its strength, see Effect::ScaleStrengths
@@ -106,6 +111,7 @@ struct ToolState {
   Pose target;
   Wrench tissue;  // of tissue on the tool, about the tip, mean over the last step
   Wrench coupling;
+  Wrench rubbed;  // of sliding contacts on the tool in the last sub-step, about the tip
   std::uint32_t flags = 0;
 };
 
@@ -122,6 +128,7 @@ struct Ledger {
       0;  // -(change of elastic energy + elastic work): lost by the time integration
   double correction_j = 0;    // gained by position corrections
   double sliding_j = 0;       // work of sliding contacts (<= 0)
+  double tie_j = 0;           // work of ties (second order in dt)
   double elastic_j = 0;       // elastic energy when last evaluated
   double elastic_work_j = 0;  // of elastic forces since then
   double kinetic_j = 0;       // kinetic energy when last summed

@@ -168,6 +168,8 @@ ToolModel BuildTool(const v1::Tool& tool, const std::string& path, Problems* pro
   built.coupling = CouplingOf(tool.coupling());
   if (tool.has_adhesion()) {
     const v1::ToolAdhesion& adhesion = tool.adhesion();
+    if (adhesion.has_friction_coefficient())
+      built.friction_coefficient = adhesion.friction_coefficient();
     built.strength.normal_pa = adhesion.normal_strength_pa();
     built.strength.shear_pa = adhesion.has_shear_strength_pa() ? adhesion.shear_strength_pa()
                                                                : adhesion.normal_strength_pa();
@@ -201,6 +203,7 @@ AdhesiveParameters BuildAdhesive(const v1::VirtualAdhesive& adhesive, const std:
   if (adhesive.has_work_of_adhesion_j_m2()) {
     built.work_of_adhesion_j_m2 = adhesive.work_of_adhesion_j_m2();
   }
+  built.ties = adhesive.ties();
   if (adhesive.has_patch_size_m()) built.patch_size_m = adhesive.patch_size_m();
   if (adhesive.has_bell()) {
     built.bell = BellRelease{adhesive.bell().rate_per_s(), adhesive.bell().force_n()};

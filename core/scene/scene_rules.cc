@@ -122,6 +122,14 @@ void CheckAdhesive(const v1::VirtualAdhesive& adhesive, const std::string& path,
                          "lowers strengths in Pa, and kappa_adh_m is none; permitted: "
                          "normal_strength_pa, or no strength"});
   }
+  if (adhesive.ties() && (adhesive.has_patch_size_m() || adhesive.has_friction_coefficient())) {
+    problems->push_back(
+        {path + ".ties",
+         absl::StrCat("excludes ",
+                      adhesive.has_patch_size_m() ? "patch_size_m" : "friction_coefficient",
+                      ": what is tied point by point has no zones to cut and "
+                      "does not slide; permitted: one of them")});
+  }
   if (adhesive.has_shear_strength_pa() && !adhesive.has_normal_strength_pa() &&
       !adhesive.has_kappa_adh_m()) {
     problems->push_back({path + ".shear_strength_pa", "needs normal_strength_pa beside it"});

@@ -5,6 +5,7 @@
 
 #include "core/model/bond_geometry.h"
 #include "core/model/closest_point.h"
+#include "core/model/tie_geometry.h"
 
 namespace adhesim {
 namespace {
@@ -19,7 +20,10 @@ constexpr double kNoMobility = 1e-2;
 }  // namespace
 
 ContactRows::ContactRows(const Model& model) : model_(model) {
-  if (!model.adhesive || !model.adhesive->friction_coefficient) return;
+  const bool tools = std::any_of(model.tools.begin(), model.tools.end(), [](const ToolModel& tool) {
+    return tool.friction_coefficient.has_value();
+  });
+  if (!model.adhesive || !(model.adhesive->friction_coefficient || tools)) return;
   const std::size_t n = model.rest_position_m.size();
   rows_.reserve(4 * n + 64);
   verdicts_.reserve(4 * n + 64);
@@ -27,18 +31,20 @@ ContactRows::ContactRows(const Model& model) : model_(model) {
   acted_.reserve(n);
   impulse_ns_.assign(n, Vec3::Zero());
   stamp_.assign(n, 0);
+  if (tools) touch_.assign(n, 0);
 }
 
-void ContactRows::Collect(const State& state, const Motion& motion, double dt_s) {
+void ContactRows::Collect(const State& state, const Motion& motion, const Tools& tools,
+                          double dt_s) {
   for (int p : acted_) impulse_ns_[p].setZero();
   acted_.clear();
   rows_.clear();
   if (!possible()) return;
   for (std::size_t b = 0; b < state.contacts.bonds.size(); ++b) {
     if (!state.contacts.bonds[b].sliding || rows_.size() == rows_.capacity()) continue;
-    rows_.push_back(MakeRow(static_cast<int>(b), state, motion, dt_s));
+    rows_.push_back(MakeRow(static_cast<int>(b), state, motion, tools, dt_s));
   }
-  ShareLimits(state, dt_s);
+  ShareLimits(state, tools, dt_s);
   for (const Row& row : rows_) {
     for (int p : row.particle) {
       if (stamp_[p]) continue;
@@ -63,11 +69,11 @@ ContactRows::Interface& ContactRows::InterfaceOf(const Bond& bond) {
 
 // Particles of both sides touch the same surface: together their rows carry what the weaker side
 // carries, if both have any. Edges add none of their own.
-void ContactRows::ShareLimits(const State& state, double dt_s) {
+void ContactRows::ShareLimits(const State& state, const Tools& tools, double dt_s) {
   interfaces_.clear();
   for (const Row& row : rows_) {
     const Bond& bond = state.contacts.bonds[row.bond];
-    if (bond.partner >= 0 || !row.touches) continue;
+    if (bond.tool >= 0 || bond.partner >= 0 || !row.touches) continue;
     Interface& interface = InterfaceOf(bond);
     const BondLimit limit = LimitOf(bond, bond.particle, model_);
     BondLimit& sum = interface.limit[model_.body_of[bond.particle] == interface.second];
@@ -77,7 +83,7 @@ void ContactRows::ShareLimits(const State& state, double dt_s) {
   for (Row& row : rows_) {
     const Bond& bond = state.contacts.bonds[row.bond];
     row.tension_ns = row.shear_ns = 0;
-    if (bond.partner >= 0 || !row.touches) continue;
+    if (bond.tool >= 0 || bond.partner >= 0 || !row.touches) continue;
     const auto& [a, b] = InterfaceOf(bond).limit;
     const auto share = [&](double one, double x, double y) {
       const double both = x > 0 && y > 0 ? std::min(x, y) : x + y;
@@ -86,6 +92,35 @@ void ContactRows::ShareLimits(const State& state, double dt_s) {
     const BondLimit limit = LimitOf(bond, bond.particle, model_);
     row.tension_ns = share(limit.normal_n, a.normal_n, b.normal_n);
     row.shear_ns = share(limit.shear_n, a.shear_n, b.shear_n);
+  }
+  if (!touch_.empty()) ShareToolLimits(state, tools, dt_s);
+}
+
+// What a particle's area carries is shared by the rows of a tool that touch it, by weight.
+void ContactRows::ShareToolLimits(const State& state, const Tools& tools, double dt_s) {
+  const auto visit = [&](std::size_t first, std::size_t end, const auto& change) {
+    for (std::size_t r = first; r < end; ++r) {
+      if (!rows_[r].touches) continue;
+      for (int k = 0; k < 3; ++k) {
+        const double weight = state.contacts.bonds[rows_[r].bond].weights[k];
+        if (weight > 0) change(rows_[r], rows_[r].particle[k], weight);
+      }
+    }
+  };
+  // Bonds, and so rows, are in the order of tools.
+  for (std::size_t first = 0, end; first < rows_.size(); first = end) {
+    const int tool = rows_[first].tool;
+    for (end = first; end < rows_.size() && rows_[end].tool == tool; ++end) {
+    }
+    if (tool < 0) continue;
+    visit(first, end, [&](const Row&, int p, double) { touch_[p] = 0; });
+    visit(first, end, [&](const Row&, int p, double weight) { touch_[p] += weight; });
+    const double scale = dt_s * tools.strength_scale[tool];
+    visit(first, end, [&](Row& row, int p, double weight) {
+      const BondLimit limit = LimitOf(state.contacts.bonds[row.bond], p, model_);
+      row.tension_ns += scale * weight / touch_[p] * limit.normal_n;
+      row.shear_ns += scale * weight / touch_[p] * limit.shear_n;
+    });
   }
 }
 
@@ -124,73 +159,70 @@ BondGeometry ContactRows::Predict(const Bond& bond, const BondGeometry& now, con
   return then;
 }
 
-// Relative motion is the sum of weight times velocity: a particle and a triangle's corners, or the
-// ends of two edges.
-ContactRows::Nodes ContactRows::NodesOf(const Bond& bond, const Triangle& tri,
-                                        const Vec3& weights) {
-  if (bond.partner < 0) {
-    return {{bond.particle, tri[0], tri[1], tri[2]}, {1, -weights(0), -weights(1), -weights(2)}};
-  }
-  const int k = OppositeCorner(bond.weights), i = (k + 1) % 3, j = (k + 2) % 3;
-  return {{bond.particle, bond.partner, tri[i], tri[j]},
-          {1 - bond.partner_weight, bond.partner_weight, -weights(i), -weights(j)}};
-}
-
 ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& motion,
-                                      double dt_s) const {
+                                      const Tools& tools, double dt_s) const {
   const Bond& bond = state.contacts.bonds[b];
   const AdhesiveParameters& adhesive = *model_.adhesive;
-  const BondGeometry now = GeometryOf(bond, model_, state.position_m);
-  Vec3 weights;
-  const BondGeometry then = Predict(bond, now, state, dt_s, &weights);
-  const auto [particle, weight] = NodesOf(bond, model_.triangles[bond.triangle], weights);
+  const Triangle& tri = model_.triangles[bond.triangle];
   Row row;
   row.bond = b;
-  row.particle = particle;
+  row.tool = bond.tool;
+  BondGeometry now;
+  std::array<double, kNodes> weight;
+  Vec3 weights;
+  if (bond.tool >= 0) {
+    row.point_m.setZero();
+    for (int k = 0; k < 3; ++k) row.point_m += bond.weights[k] * state.position_m[tri[k]];
+    now = {row.point_m, state.tools[bond.tool].pose.orientation * bond.tool_normal, bond.gap_m};
+    // The fourth takes no part.
+    row.particle = {tri[0], tri[1], tri[2], tri[0]};
+    weight = {bond.weights[0], bond.weights[1], bond.weights[2], 0};
+    row.friction = *model_.tools[bond.tool].friction_coefficient;
+  } else {
+    now = GeometryOf(bond, model_, state.position_m);
+    row.friction = *adhesive.friction_coefficient;
+  }
+  BondGeometry then = bond.tool >= 0 ? now : Predict(bond, now, state, dt_s, &weights);
+  if (bond.tool < 0) {
+    const BondNodes nodes = NodesOf(bond, tri, weights);
+    row.particle = nodes.particle;
+    weight = nodes.weight;
+  }
   const Vec3& n = then.normal;
   const Vec3 t = n.unitOrthogonal();
-  const std::array<Vec3, 3> direction = {n, t, n.cross(t)};
-
-  // The two sides are a gap apart, so that a tangential pair of impulses would leave a moment: the
-  // smallest change of all four takes it away.
-  Vec3 centre = Vec3::Zero();
-  for (int p : row.particle) centre += state.position_m[p] / kNodes;
-  Mat3 spread = Mat3::Zero();
-  for (int p : row.particle) {
-    const Vec3 d = state.position_m[p] - centre;
-    spread += d.squaredNorm() * Mat3::Identity() - d * d.transpose();
-  }
-  const Mat3 inverse_spread = spread.inverse();
+  row.direction = {n, t, n.cross(t)};
+  row.tool_before_m_s = row.tool_m_s = Vec3::Zero();
   for (int k = 0; k < 3; ++k) {
-    Vec3 moment = Vec3::Zero();
-    for (int i = 0; i < kNodes; ++i) {
-      row.gradient[k][i] = weight[i] * direction[k];
-      moment += (state.position_m[row.particle[i]] - centre).cross(row.gradient[k][i]);
-    }
-    const Vec3 turn = inverse_spread * moment;
-    for (int i = 0; i < kNodes; ++i) {
-      row.gradient[k][i] -= turn.cross(Vec3(state.position_m[row.particle[i]] - centre));
-    }
-    row.mobility[k] = Mobility(row, k, state, motion.groups);
+    for (int i = 0; i < kNodes; ++i) row.gradient[k][i] = weight[i] * row.direction[k];
+    if (bond.tool < 0) continue;
+    const Vec3 arm = row.point_m - state.tools[bond.tool].pose.position_m;
+    const auto along = [&](const Twist& twist) {
+      return row.direction[k].dot(twist.linear_m_s + twist.angular_rad_s.cross(arm));
+    };
+    row.tool_before_m_s(k) = along(tools.before[bond.tool]);
+    row.tool_m_s(k) = along(tools.coming[bond.tool]);
   }
+  if (bond.tool < 0) LeaveNoMoment(state, &row);
+  for (int k = 0; k < 3; ++k) row.mobility[k] = Mobility(row, k, state, motion.groups);
   // One value for both tangents: the impulse is clipped to a disc, not to a box.
   row.mobility[1] = row.mobility[2] = std::max(row.mobility[1], row.mobility[2]);
   const double rest_m = 0.5 * adhesive.capture_distance_m;
   row.touches = now.gap_m <= adhesive.capture_distance_m;
   // At the end of the sub-step the gap shall be no less than at rest, or than now and a little
   // more.
-  double going = 0;
+  double going = -row.tool_before_m_s(0);
   for (int i = 0; i < kNodes; ++i) {
     if (!model_.fixed[row.particle[i]])
       going += row.gradient[0][i].dot(state.velocity_m_s[row.particle[i]]);
   }
+  if (bond.tool >= 0) then.gap_m = now.gap_m + dt_s * going;
   row.least_speed_m_s = std::min(0.0, going - (then.gap_m - std::min(rest_m, now.gap_m)) / dt_s);
   // Turned round: see above.
   row.least_speed_m_s = std::min(row.least_speed_m_s, -going);
   row.most_speed_m_s = std::max(0.0, -going);
   Eigen::Vector2d rubbed, rubbing;
   for (int k = 0; k < 2; ++k) {
-    rubbed(k) = 0;
+    rubbed(k) = -row.tool_before_m_s(k + 1);
     for (int i = 0; i < kNodes; ++i) {
       if (!model_.fixed[row.particle[i]])
         rubbed(k) += row.gradient[k + 1][i].dot(state.velocity_m_s[row.particle[i]]);
@@ -201,6 +233,29 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
   if (rubbed.dot(rubbing) < 0)
     row.rub_speed_m_s = -std::min(1.0, rubbing.norm() / rubbed.norm()) * rubbed;
   return row;
+}
+
+// The two sides are a gap apart, so that a tangential pair of impulses would leave a moment: the
+// smallest change of all four takes it away.
+void ContactRows::LeaveNoMoment(const State& state, Row* row) const {
+  Vec3 centre = Vec3::Zero();
+  for (int p : row->particle) centre += state.position_m[p] / kNodes;
+  Mat3 spread = Mat3::Zero();
+  for (int p : row->particle) {
+    const Vec3 d = state.position_m[p] - centre;
+    spread += d.squaredNorm() * Mat3::Identity() - d * d.transpose();
+  }
+  const Mat3 inverse_spread = spread.inverse();
+  for (int k = 0; k < 3; ++k) {
+    Vec3 moment = Vec3::Zero();
+    for (int i = 0; i < kNodes; ++i) {
+      moment += (state.position_m[row->particle[i]] - centre).cross(row->gradient[k][i]);
+    }
+    const Vec3 turn = inverse_spread * moment;
+    for (int i = 0; i < kNodes; ++i) {
+      row->gradient[k][i] -= turn.cross(Vec3(state.position_m[row->particle[i]] - centre));
+    }
+  }
 }
 
 double ContactRows::Mobility(const Row& row, int direction, const State& state,
@@ -235,7 +290,7 @@ double ContactRows::Mobility(const Row& row, int direction, const State& state,
 
 double ContactRows::Speed(const Row& row, int direction, const State& state,
                           const Motion& motion) const {
-  double speed = 0;
+  double speed = -row.tool_m_s(direction);
   for (int i = 0; i < kNodes; ++i) {
     speed += row.gradient[direction][i].dot(Velocity(row.particle[i], state, motion));
   }
@@ -261,7 +316,6 @@ void ContactRows::Apply(const Row& row, int direction, double impulse, const Sta
 }
 
 void ContactRows::Sweep(const State& state, const Motion& motion) {
-  const double mu = *model_.adhesive->friction_coefficient;
   for (Row& row : rows_) {
     if (row.mobility[0] > 0) {
       const double speed = Speed(row, 0, state, motion);
@@ -274,8 +328,9 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
     }
     if (!(row.mobility[1] > 0)) continue;
     // The adhesive acts across what is near enough to be captured.
-    const double limit =
-        row.touches || row.impulse(0) > 0 ? mu * std::max(row.impulse(0), 0.0) + row.shear_ns : 0;
+    const double limit = row.touches || row.impulse(0) > 0
+                             ? row.friction * std::max(row.impulse(0), 0.0) + row.shear_ns
+                             : 0;
     Eigen::Vector2d rubbing;
     for (int k = 0; k < 2; ++k) {
       const double missing = row.rub_speed_m_s(k) - Speed(row, k + 1, state, motion);
@@ -292,12 +347,11 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
 
 std::span<const ContactRows::Verdict> ContactRows::Judge(const State& state, const Motion& motion,
                                                          double dt_s) {
-  const double mu = *model_.adhesive->friction_coefficient;
   const double still = kStill * model_.adhesive->capture_distance_m / dt_s;
   verdicts_.clear();
   for (const Row& row : rows_) {
     const double friction = row.impulse.tail<2>().norm();
-    const double limit = mu * std::max(row.impulse(0), 0.0) + row.shear_ns;
+    const double limit = row.friction * std::max(row.impulse(0), 0.0) + row.shear_ns;
     const double sliding =
         Eigen::Vector2d(Speed(row, 1, state, motion), Speed(row, 2, state, motion)).norm();
     Outcome outcome = Outcome::kSlides;

@@ -16,6 +16,9 @@ namespace adhesim {
 // adhesion: |J_t| <= mu J_n + sigma_t A dt). Impulses at the velocities of the sub-step, found by
 // projected Gauss-Seidel in the order of the bonds (physics notes 3.6).
 //
+// On a tool (ToolAdhesion.friction_coefficient) they slide by the same rules; its motion is given,
+// it takes the whole of an impulse and its moment, and what it does to tissue is its work.
+//
 // An impulse acts on the particles of both sides so that its sum and its moment vanish. Every row
 // ends at, or moves towards, no sliding and no approach. An impulse J on speeds that go from v to
 // v' does the work J (v + v') / 2, which is positive where forces have turned v round within the
@@ -29,6 +32,12 @@ class ContactRows {
     std::span<Vec3> velocity_m_s;
     std::span<RigidGroup> groups;
   };
+  // What tools do in a sub-step [#tools]: their twists about the tips, before and in it, and what
+  // multiplies their strengths.
+  struct Tools {
+    std::span<const Twist> before, coming;
+    std::span<const double> strength_scale;
+  };
   // What became of a sliding contact in a sub-step.
   enum class Outcome : std::uint8_t { kApart, kSlides, kSticks, kParts };
 
@@ -37,7 +46,7 @@ class ContactRows {
   // True when the scene can have such contacts.
   bool possible() const { return !impulse_ns_.empty(); }
   // Makes a row of every bond that slides; `motion` is what happens without them.
-  void Collect(const State& state, const Motion& motion, double dt_s);
+  void Collect(const State& state, const Motion& motion, const Tools& tools, double dt_s);
   bool empty() const { return rows_.empty(); }
   // One pass over all rows.
   void Sweep(const State& state, const Motion& motion);
@@ -45,6 +54,27 @@ class ContactRows {
   std::span<const std::int32_t> particles() const { return acted_; }
   Vec3 ImpulseOn(int particle) const {
     return rows_.empty() ? Vec3::Zero() : impulse_ns_[particle];
+  }
+
+  // Impulse and moment of tissue on a tool about its tip, and the tool's work on tissue.
+  struct OnTool {
+    std::int32_t tool;
+    Vec3 point_m;     // where
+    Vec3 impulse_ns;  // on the tissue
+    double work_j;
+  };
+  template <typename Visit>
+  void ForEachOnTool(const Visit& visit) const {
+    for (const Row& row : rows_) {
+      if (row.tool < 0) continue;
+      Vec3 impulse = Vec3::Zero();
+      double work_j = 0;
+      for (int k = 0; k < 3; ++k) {
+        impulse += row.impulse(k) * row.direction[k];
+        work_j += 0.5 * row.impulse(k) * (row.tool_before_m_s(k) + row.tool_m_s(k));
+      }
+      visit(OnTool{row.tool, row.point_m, impulse, work_j});
+    }
   }
 
   // Of each sliding bond, in their order, at these velocities.
@@ -58,7 +88,12 @@ class ContactRows {
   static constexpr int kNodes = 4;
   struct Row {
     std::int32_t bond;
+    std::int32_t tool;  // -1: two bodies
     std::array<std::int32_t, kNodes> particle;
+    std::array<Vec3, 3> direction;   // normal and two tangents
+    Vec3 point_m;                    // tools: where they touch
+    Vec3 tool_before_m_s, tool_m_s;  // the tool's velocity there along the three, before and now
+    double friction;                 // Coulomb's coefficient
     std::array<std::array<Vec3, kNodes>, 3> gradient;  // along the normal and two tangents
     std::array<double, 3> mobility;                    // 1/kg; normal, and the larger tangential
     Vec3 impulse = Vec3::Zero();                       // N s along the three
@@ -68,19 +103,17 @@ class ContactRows {
     bool touches;                 // near enough for the adhesive
     double tension_ns, shear_ns;  // what the adhesive carries
   };
-  Row MakeRow(int bond, const State& state, const Motion& motion, double dt_s) const;
+  Row MakeRow(int bond, const State& state, const Motion& motion, const Tools& tools,
+              double dt_s) const;
+  void LeaveNoMoment(const State& state, Row* row) const;
   // Rows between two bodies, and what the adhesive carries on the particles of either side.
   struct Interface {
     std::int32_t first, second;  // bodies, first < second
     std::array<BondLimit, 2> limit;
   };
   Interface& InterfaceOf(const Bond& bond);
-  void ShareLimits(const State& state, double dt_s);
-  struct Nodes {
-    std::array<std::int32_t, kNodes> particle;
-    std::array<double, kNodes> weight;
-  };
-  static Nodes NodesOf(const Bond& bond, const Triangle& tri, const Vec3& weights);
+  void ShareLimits(const State& state, const Tools& tools, double dt_s);
+  void ShareToolLimits(const State& state, const Tools& tools, double dt_s);
   BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
                        Vec3* weights) const;
   Vec3 Velocity(int particle, const State& state, const Motion& motion) const;
@@ -95,6 +128,7 @@ class ContactRows {
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
   std::vector<Vec3> impulse_ns_;       // [#particles]
+  std::vector<double> touch_;          // [#particles] sum of weights in one tool's rows
   std::vector<std::int32_t> acted_;
   std::vector<std::uint8_t> stamp_;  // [#particles] in acted_ already
 };

@@ -102,7 +102,7 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
   for (int p = 0; p < model.particle_count(); ++p) {
     twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
     if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
-      const Vec3 impulse = -solver.ConstraintImpulse(p);
+      const Vec3 impulse = -solver.ConstraintImpulse(p) - solver.TieImpulse(p);
       sum.linear += impulse;
       sum.angular += state->position_m[p].cross(impulse);
     }
@@ -115,8 +115,8 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
     Held got;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state->contacts.zone_members[k];
-      const Vec3 impulse =
-          model.mass_kg[p] * (after[p] - state->velocity_m_s[p]) - solver.ConstraintImpulse(p);
+      const Vec3 impulse = model.mass_kg[p] * (after[p] - state->velocity_m_s[p]) -
+                           solver.ConstraintImpulse(p) - solver.TieImpulse(p);
       got.impulse += impulse;
       got.moment += (state->position_m[p] - group.pivot_m).cross(impulse);
     }
@@ -130,6 +130,7 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
     }
   }
   AddImpulses(sum, state);
+  twice_loss += 2 * solver.TieGivingLoss();
   ledger.captured_j += 0.5 * twice_loss;
   ledger.tool_work_j += tool_work;
   ledger.abs_tool_j += std::abs(tool_work);
@@ -143,6 +144,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
               const SubspaceSolver& solver, std::span<const Twist> tool_twist, double dt_s,
               State* state, std::span<Wrench> tool_impulse) {
   Ledger& ledger = state->ledger;
+  for (ToolState& tool : state->tools) tool.rubbed = {};
   // Of this sub-step alone: a particle's share would drown in the sums since the start.
   Impulses got;
   const std::span<const Vec3> x = state->position_m, v = state->velocity_m_s;
@@ -171,24 +173,39 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   ledger.external_work_j += field;
   ledger.abs_external_j += std::abs(field);
 
-  // Impulses of the constraints and of sliding contacts, and what fixed particles outside zones
-  // take.
-  double volume = 0, sliding = 0;
+  // Impulses of the constraints, of sliding contacts and of ties, and what fixed particles outside
+  // zones take.
+  double volume = 0, sliding = 0, ties = 0;
   for (int p = 0; p < count; ++p) {
     const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
     volume += 0.5 * constraint.dot(v[p] + kicked[p]);
     sliding += 0.5 * contact.dot(v[p] + kicked[p]);
     if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
-      const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact;
+      const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact - solver.TieImpulse(p);
       got.linear += impulse;
       got.angular += x[p].cross(impulse);
     }
   }
+  for (int p : solver.tied()) ties += 0.5 * solver.TieImpulse(p).dot(v[p] + kicked[p]);
+  // Tools: their part of it, and what comes from outside.
+  double tool_work = 0;
+  solver.slides().ForEachOnTool([&](const ContactRows::OnTool& on) {
+    got.linear += on.impulse_ns;
+    got.angular += on.point_m.cross(on.impulse_ns);
+    tool_work += on.work_j;
+    sliding -= on.work_j;
+    const Vec3 arm = on.point_m - state->tools[on.tool].pose.position_m;
+    tool_impulse[on.tool].force_n -= on.impulse_ns;
+    tool_impulse[on.tool].torque_nm -= arm.cross(on.impulse_ns);
+    state->tools[on.tool].rubbed.force_n -= on.impulse_ns / dt_s;
+    state->tools[on.tool].rubbed.torque_nm -= arm.cross(on.impulse_ns) / dt_s;
+  });
   ledger.volume_j += volume;
   ledger.sliding_j += sliding;
+  ledger.tie_j += ties;
 
   // Zones: rotation of the free ones, tools' work, and what holds the held ones.
-  double tool_work = 0, rotation = 0;
+  double rotation = 0;
   for (std::size_t z = 0; z < state->contacts.zones.size(); ++z) {
     const Zone& zone = state->contacts.zones[z];
     const RigidGroup& group = solver.groups()[z];
@@ -228,7 +245,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
 
   const double kinetic = KineticEnergy(model, moved_v);
   const double expected =
-      elastic + damping + field + drag + volume + sliding + tool_work + rotation;
+      elastic + damping + field + drag + volume + sliding + ties + tool_work + rotation;
   ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));
   ledger.kinetic_j = kinetic;
   UpdateScales(model, state);

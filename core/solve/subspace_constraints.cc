@@ -14,8 +14,9 @@ constexpr int kConstraintIterations = 12;  // the error shrinks by dt |W| an ite
 constexpr double kFastConvergence = 0.1;   // an iteration leaves less than this: a series to sum
 constexpr int kSlidePasses = 4;            // constraints and sliding contacts, in turns
 constexpr int kSlideSweeps = 8;            // over the sliding contacts in one turn
-constexpr double kNearlyMet = 1e-10;       // relative volume; above it the step says so
-constexpr double kDiverged = 1e3;          // relative volume
+constexpr int kMostSlidePasses = 32;  // while they would gain energy: sweeps have not converged
+constexpr double kNearlyMet = 1e-10;  // relative volume; above it the step says so
+constexpr double kDiverged = 1e3;     // relative volume
 
 }  // namespace
 
@@ -127,22 +128,22 @@ void SubspaceSolver::AddMultipliers(std::span<const double> change) {
 }
 
 // Ends the constraints' change at kicked_m_s_ (velocity form, notes 2.2).
-void SubspaceSolver::StopConstraints() {
+void SubspaceSolver::StopConstraints(const State& state) {
   for (int r = 0; r < rows_; ++r) {
     residual_[r] = 0;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
       residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
     }
   }
-  SolveRows(residual_, change_);
-  AddMultipliers(change_);
+  MeetAll(state, nullptr);
 }
 
 void SubspaceSolver::MeetSlides(const State& state) {
-  for (int pass = 0; pass < kSlidePasses; ++pass) {
+  for (int pass = 0;; ++pass) {
     KickAll(state);
-    if (rows_ > 0) {
-      StopConstraints();
+    if (pass >= kSlidePasses && (pass >= kMostSlidePasses || !(SlidingWork(state) > 0))) return;
+    if (rows_ > 0 || !ties_.empty()) {
+      StopConstraints(state);
       KickAll(state);
     }
     for (int sweep = 0; sweep < kSlideSweeps; ++sweep) slides_.Sweep(state, {kicked_m_s_, groups_});
@@ -152,6 +153,16 @@ void SubspaceSolver::MeetSlides(const State& state) {
       free_m_s_[p] = kicked_m_s_[p] - ConstraintImpulse(p).cwiseProduct(per_kg_[p]);
     }
   }
+}
+
+// Of sliding contacts at kicked_m_s_, in pairs of surfaces: without what tools do.
+double SubspaceSolver::SlidingWork(const State& state) const {
+  double work_j = 0;
+  for (int p : slides_.particles()) {
+    work_j += 0.5 * slides_.ImpulseOn(p).dot(state.velocity_m_s[p] + kicked_m_s_[p]);
+  }
+  slides_.ForEachOnTool([&](const ContactRows::OnTool& on) { work_j -= on.work_j; });
+  return work_j;
 }
 
 // The gradient is that of x_n, so that the error shrinks by a nearly constant factor. What the last
@@ -206,8 +217,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
       return;
     }
     Extrapolate(iteration);
-    SolveRows(residual_, change_);
-    AddMultipliers(change_);
+    MeetAll(state, report);
   }
 }
 

@@ -21,7 +21,7 @@ const double* Flat(std::span<const Vec3> vectors) {
 }  // namespace
 
 SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> constraints)
-    : model_(model), constraints_(std::move(constraints)), slides_(model) {
+    : model_(model), constraints_(std::move(constraints)), slides_(model), ties_(model) {
   const std::size_t n = model.rest_position_m.size();
   for (auto* array : {&kicked_m_s_, &moved_m_, &moved_velocity_m_s_, &load_n_, &free_m_s_}) {
     array->assign(n, Vec3::Zero());
@@ -48,12 +48,17 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) row_of_[p] = r;
   }
   MakeParts();
-  if (rows_ == 0) return;
-  on_zone_.reserve(n);
-  for (auto* array : {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_,
-                      &change_, &best_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_}) {
+  if (rows_ > 0) on_zone_.reserve(n);
+  for (auto* array :
+       {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_, &best_}) {
     array->assign(rows_, 0);
   }
+  for (auto* array : {&change_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_, &all_rhs_}) {
+    array->assign(rows_ + 3 * ties_.capacity(), 0);
+  }
+  if (!ties_.possible()) return;
+  tie_scratch_ns_.assign(n, Vec3::Zero());
+  zone_wrench_.reserve(n);
 }
 
 void SubspaceSolver::MakeParts() {
@@ -84,12 +89,15 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
     free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
   }
   ProjectGroups(*state);
+  ties_.Collect(*state, groups_, per_kg_, 0);
   if (rows_ > 0) {
     // Sticking may have left a volume changing: the plastic impact ends that too.
     CollectRows(*state);
     std::fill(multiplier_.begin(), multiplier_.end(), 0);
+  }
+  if (rows_ > 0 || !ties_.empty()) {
     KickAll(*state);
-    StopConstraints();
+    StopConstraints(*state);
   }
   KickAll(*state);
   BookCapture(model_, *this, state, tool_impulse);
@@ -109,23 +117,33 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
     CollectRows(state);
     std::fill(multiplier_.begin(), multiplier_.end(), 0);
   }
+  ties_.Collect(state, groups_, per_kg_, dt_s);
+  if (!ties_.empty()) StartTies(state);
   if (slides_.possible()) {
     KickAll(state);
-    slides_.Collect(state, {kicked_m_s_, groups_}, dt_s);
+    slides_.Collect(state, {kicked_m_s_, groups_}, tools_, dt_s);
     if (!slides_.empty()) MeetSlides(state);
   }
   if (rows_ > 0) {
+    if (!ties_.empty()) {  // volumes may need no iteration
+      KickAll(state);
+      StopConstraints(state);
+    }
     MeetConstraints(state, dt_s, parallel, report);
   } else {
+    if (!ties_.empty()) MeetAll(state, report);
     MoveAll(state, dt_s, parallel);
   }
   FinishMove(state);
   for (int p : slides_.particles()) load_n_[p].setZero();
+  for (int p : ties_.particles()) load_n_[p].setZero();
   for (int p : state.contacts.zone_members) {
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
     load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
   }
   if (!model_.carried.empty()) ShareLoads(state.contacts);
+  ties_.AddLoads(state, dt_s, load_n_);
+  tie_load_ = ties_.Loads(dt_s);
 }
 
 void SubspaceSolver::ProjectGroups(const State& state) {
@@ -213,6 +231,7 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
     for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
   }
   gradients_known_ = false;
+  ties_.Store(dt_s, &state->contacts);
   state->position_m.swap(moved_m_);
   state->velocity_m_s.swap(moved_velocity_m_s_);
   StoreMomenta(state);

@@ -8,6 +8,7 @@
 #include "core/model/state.h"
 #include "core/solve/contact_rows.h"
 #include "core/solve/rigid_group.h"
+#include "core/solve/tie_rows.h"
 
 namespace adhesim {
 
@@ -17,8 +18,9 @@ namespace adhesim {
 // A trial does not touch the state: v* = v + dt f / m, projected onto every zone's rigid motions;
 // then one impulse lambda along the gradient at x_n of every constraint row, all rows together,
 // sized so that the row holds at x_{n+1} (SHAKE), in the zones' reduced coordinates; then x_{n+1}.
-// Contacts that slide come between: their impulses and the constraints' are found in turns.
-// What a zone has to carry is the residual of each member.
+// Contacts that slide come between: their impulses and the constraints' are found in turns. Ties
+// are rows beside the constraints', in one system with them. What a zone has to carry is the
+// residual of each member.
 class SubspaceSolver {
  public:
   // `constraints`: the effects that have rows; must outlive the solver.
@@ -35,6 +37,8 @@ class SubspaceSolver {
 
   // Forms the zones' groups: before a trial; `tool_twist` [#tools] about the tips.
   void FormGroups(const State& state, std::span<const Twist> tool_twist);
+  // What tools do in the coming sub-step, for contacts that slide on them; spans must stay.
+  void SetTools(const ContactRows::Tools& tools) { tools_ = tools; }
   // Tries a sub-step of `dt_s` under `force_n` [#particles].
   void Try(const State& state, std::span<const Vec3> force_n, double dt_s, Parallel* parallel,
            StepReport* report);
@@ -65,8 +69,18 @@ class SubspaceSolver {
   }
   // Of the sliding contacts.
   Vec3 SlidingImpulse(int p) const { return slides_.ImpulseOn(p); }
-  // Of both.
-  Vec3 InnerImpulse(int p) const { return ConstraintImpulse(p) + SlidingImpulse(p); }
+  // The particles that ties act on, ascending.
+  std::span<const std::int32_t> tied() const { return ties_.particles(); }
+  double TieGivingLoss() const { return ties_.GivingLoss(); }
+  // Of the ties.
+  Vec3 TieImpulse(int p) const { return ties_.ImpulseOn(p); }
+  // Of all of them.
+  Vec3 InnerImpulse(int p) const {
+    return ConstraintImpulse(p) + SlidingImpulse(p) + TieImpulse(p);
+  }
+  // What ties carry in the last trial, in the order of bonds.
+  std::span<const TieLoad> tie_load() const { return tie_load_; }
+  const ContactRows& slides() const { return slides_; }
   // What became of the sliding contacts in the sub-step that was accepted last.
   std::span<const ContactRows::Verdict> slid() const { return slid_; }
 
@@ -86,8 +100,15 @@ class SubspaceSolver {
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
   void CollectRows(const State& state);
-  void StopConstraints();
+  void StopConstraints(const State& state);
   void MeetSlides(const State& state);
+  double SlidingWork(const State& state) const;
+  void ApplyAll(const State& state, std::span<const double> x, std::span<double> y);
+  void SolveAll(const State& state, std::span<const double> rhs, double least_sq,
+                std::span<double> x, StepReport* report);
+  void StartTies(const State& state);
+  void AddTies(const State& state);
+  void MeetAll(const State& state, StepReport* report);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
   double MeasureRows(double dt_s);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
@@ -116,7 +137,13 @@ class SubspaceSolver {
   std::vector<RigidGroup> groups_;
   ContactRows slides_;
   std::span<const ContactRows::Verdict> slid_;
-  std::vector<Twist> old_twist_;  // [#tools]
+  ContactRows::Tools tools_;
+  TieRows ties_;
+  std::span<const TieLoad> tie_load_;
+  std::vector<Vec3> tie_scratch_ns_;  // [#particles]
+  std::vector<Wrench> zone_wrench_;   // [#zones]
+  std::vector<double> all_rhs_;       // [#rows, ties' rows]
+  std::vector<Twist> old_twist_;      // [#tools]
   std::vector<std::int32_t>
       row_of_;  // [#particles] the row that acts on it, or -1; empty without rows
   std::vector<ConstraintRow> row_;      // [#rows]
@@ -129,8 +156,9 @@ class SubspaceSolver {
   std::vector<double> movable_;         // [#rows] the same with those in zones as if they were free
   std::vector<double> preconditioner_;  // [#rows]
   std::vector<RowOnZone> on_zone_;
-  std::vector<Twist> zone_response_;                                           // [#zones]
-  std::vector<double> residual_, left_, change_, cg_r_, cg_p_, cg_ap_, cg_z_;  // [#rows]
+  std::vector<Twist> zone_response_;                         // [#zones]
+  std::vector<double> residual_, left_;                      // [#rows]
+  std::vector<double> change_, cg_r_, cg_p_, cg_ap_, cg_z_;  // [#rows, ties' rows]
 };
 
 }  // namespace adhesim
