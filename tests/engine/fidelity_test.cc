@@ -162,7 +162,7 @@ TEST(Fidelity, LoweredStepsLetNothingPassAndKeepTheBooks) {
   auto engine = EngineOf(test::kChurningCells);
   engine->SetFidelity(2);
   double volume_error = 0;
-  for (int step = 0; step < (kSanitized ? 200 : 1500); ++step) {
+  for (int step = 0; step < (kSanitized ? 600 : 1500); ++step) {
     engine->Step({});
     volume_error = std::max(volume_error, *VolumeError(engine->model(), engine->state()));
     if (step % 20 != 19) continue;

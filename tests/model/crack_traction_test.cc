@@ -18,6 +18,7 @@ struct Sides {
   Sides() {
     model.triangles = {{1, 2, 3}};
     model.area_m2 = {4e-6, 9e-6, 9e-6, 9e-6};
+    model.mass_kg = {1e-3, 1e-3, 1e-3, 1e-3};
     model.compliance_per_pa = {kUpper_per_pa, kLower_per_pa, kLower_per_pa, kLower_per_pa};
     model.adhesive.emplace();
     model.adhesive->work_of_adhesion_j_m2 = kWork_j_m2;
