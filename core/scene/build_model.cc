@@ -55,10 +55,10 @@ void BuildCopies(const v1::Body& body, const TetMesh& mesh, const std::string& p
 // Positions some metres from the origin are rounded to 1e-15 m. Beside its weight, the stiffness of
 // a tetrahedron makes of that a force that grows with the inverse square of its size: a free fall
 // of one second errs by less than 1e-4 at edges of 3e-7 m, by 1.5 % at 1e-8 m and by 300 % at 1e-9.
-constexpr double kLeastEdge_m = 1e-7;
+constexpr double kLeastEdgeM = 1e-7;
 
 void CheckEdges(const TetMesh& mesh, const std::string& path, Problems* problems) {
-  double least_sq_m2 = kLeastEdge_m * kLeastEdge_m;
+  double least_sq_m2 = kLeastEdgeM * kLeastEdgeM;
   const double permitted_sq_m2 = least_sq_m2;
   for (const Tetrahedron& t : mesh.tetrahedra) {
     for (int i = 0; i < 4; ++i) {
@@ -70,7 +70,7 @@ void CheckEdges(const TetMesh& mesh, const std::string& path, Problems* problems
   }
   if (least_sq_m2 >= permitted_sq_m2) return;
   problems->push_back({path, absl::StrCat("its shortest edge is ", std::sqrt(least_sq_m2),
-                                          " m; permitted: at least ", kLeastEdge_m, " m")});
+                                          " m; permitted: at least ", kLeastEdgeM, " m")});
 }
 
 void BuildBody(const v1::Body& body, int index, const std::string& directory, Model* model,

@@ -7,7 +7,7 @@
 namespace adhesim {
 namespace {
 
-constexpr double kTolerance_sq = 1e-24;  // in the norm of the preconditioner, 1e-12
+constexpr double kToleranceSq = 1e-24;  // in the norm of the preconditioner, 1e-12
 constexpr int kIterations = 200;
 
 }  // namespace
@@ -89,8 +89,7 @@ void SubspaceSolver::SolveAll(const State& state, std::span<const double> rhs, d
   }
   double rz = precondition();
   std::copy_n(cg_z_.begin(), n, cg_p_.begin());
-  const double target = kTolerance_sq * std::max(rz, least_sq),
-               rows_target = kTolerance_sq * rows_rz;
+  const double target = kToleranceSq * std::max(rz, least_sq), rows_target = kToleranceSq * rows_rz;
   const auto left = [&] {
     return rz > target && (ties_rz > ties_.round_off() || rows_rz > rows_target);
   };

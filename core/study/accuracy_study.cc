@@ -110,7 +110,8 @@ class Study {
     const auto steps = std::max<std::int64_t>(1, std::llround(seconds * coarsest_hz));
     const std::int64_t instants = std::min<std::int64_t>(steps, kInstants);
     for (std::int64_t i = 1; i <= instants; ++i) {
-      trace_.instants_s.push_back(static_cast<double>(i * steps / instants) / coarsest_hz);
+      const std::int64_t step = i * steps / instants;
+      trace_.instants_s.push_back(static_cast<double>(step) / coarsest_hz);
     }
     trace_.out_of_time = [this] { return Stopped() || ElapsedS() > options_.budget_s; };
     if (study_.formula) trace_.deflection = BeamEndDeflection;

@@ -11,9 +11,9 @@
 namespace adhesim::test {
 namespace {
 
-constexpr double kGain = 3, kTimeConstant_s = 0.05;
+constexpr double kGain = 3, kTimeConstantS = 0.05;
 
-double Law(double age_s) { return 1 + (kGain - 1) * (1 - std::exp(-age_s / kTimeConstant_s)); }
+double Law(double age_s) { return 1 + (kGain - 1) * (1 - std::exp(-age_s / kTimeConstantS)); }
 
 // A rigid block of 1 kg that touches a fixed plate from below and hangs on it by 500 Pa.
 std::string Hanging(double gravity_m_s2, bool dries = true) {
