@@ -1,13 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+
+#include "tests/cli/command_test.h"
 
 namespace adhesim {
 namespace {
@@ -31,30 +30,14 @@ constexpr char kScene[] =
     "  - uniform_gravity: {}\n"
     "  - drag: {rate_per_s: 20}\n";
 
-// The program's `accuracy` command as users run it, in a directory of its own.
-class AccuracyCommand : public ::testing::Test {
+class AccuracyCommand : public test::CommandTest {
  protected:
+  AccuracyCommand() : CommandTest("accuracy") {}
   void SetUp() override {
-    directory_ = ::testing::TempDir() + "accuracy_test_" + std::to_string(getpid());
-    std::filesystem::create_directories(directory_);
+    CommandTest::SetUp();
     std::ofstream(File("block.yaml")) << kScene;
   }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-
-  int Run(const std::string& arguments) {
-    const std::string command = std::string(ADHESIM_PROGRAM) + " accuracy " + arguments + " >" +
-                                File("out") + " 2>" + File("err") + " </dev/null";
-    const int status = std::system(command.c_str());
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string File(const std::string& name) const { return directory_ + "/" + name; }
-  std::string Read(const std::string& name) const {
-    std::ifstream stream(File(name));
-    return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
-  }
-
   const std::string quick_ = " --quick --repeats 1 --seconds 0.4";
-  std::string directory_;
 };
 
 TEST_F(AccuracyCommand, WritesNumbersAndAPageThatStandsAlone) {

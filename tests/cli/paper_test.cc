@@ -1,13 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
+
+#include "tests/cli/command_test.h"
 
 namespace adhesim {
 namespace {
@@ -16,30 +15,10 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using Json = nlohmann::json;
 
-// The program's `paper` command as users run it, in a directory of its own.
-class Paper : public ::testing::Test {
+class Paper : public test::CommandTest {
  protected:
-  void SetUp() override {
-    // Tests may run at the same time in processes of their own.
-    directory_ = ::testing::TempDir() + "paper_test_" + std::to_string(getpid());
-    std::filesystem::create_directories(directory_);
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-
-  int Run(const std::string& arguments) {
-    const std::string command = std::string(ADHESIM_PROGRAM) + " paper " + arguments + " >" +
-                                File("out") + " 2>" + File("err") + " </dev/null";
-    const int status = std::system(command.c_str());
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string File(const std::string& name) const { return directory_ + "/" + name; }
-  std::string Read(const std::string& name) const {
-    std::ifstream stream(File(name));
-    return std::string((std::istreambuf_iterator<char>(stream)), std::istreambuf_iterator<char>());
-  }
-
+  Paper() : CommandTest("paper") {}
   const std::string scenes_ = " --scenes " ADHESIM_SOURCE_DIR "/scenes/paper";
-  std::string directory_;
 };
 
 TEST_F(Paper, JudgesAFigureByItsNumbers) {

@@ -99,14 +99,9 @@ effects:
   - volume_preservation: {}
   - virtual_adhesive: {capture_distance_m: 0.012, normal_strength_pa: 3}
 )");
-    int captures = 0, releases = 0;
-    for (int step = 0; step < 600; ++step) {
-      const StepReport report = engine->Step({});
-      captures += report.captures;
-      releases += report.releases;
-    }
-    EXPECT_GT(captures, 4);
-    EXPECT_GT(releases, 4);
+    const ContactCounts counts = CountContacts(engine.get(), 600);
+    EXPECT_GT(counts.captures, 4);
+    EXPECT_GT(counts.releases, 4);
     std::pair<Vec3, Vec3> centres{Centre(*engine, 0), Centre(*engine, 1)};
     if (engine->model().bodies[0].name == "b") std::swap(centres.first, centres.second);
     return centres;

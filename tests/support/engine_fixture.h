@@ -47,4 +47,18 @@ inline std::uint32_t StepMany(Engine* engine, int steps) {
   return bits;
 }
 
+// Likewise; captures and releases of all those steps.
+struct ContactCounts {
+  int captures = 0, releases = 0;
+};
+inline ContactCounts CountContacts(Engine* engine, int steps) {
+  ContactCounts counts;
+  for (int k = 0; k < steps; ++k) {
+    const StepReport report = engine->Step({});
+    counts.captures += report.captures;
+    counts.releases += report.releases;
+  }
+  return counts;
+}
+
 }  // namespace adhesim::test
