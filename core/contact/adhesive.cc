@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/carried.h"
+
 namespace adhesim {
 namespace {
 
@@ -27,6 +29,7 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
     capture_distance_m_ = model.adhesive->capture_distance_m;
     release_distance_m_ = model.adhesive->release_distance_m;
   }
+  carried_ = CarriedIndex(model);
   MeasureMeshes();
   limit_.resize(model.rest_position_m.size());
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
@@ -200,11 +203,21 @@ bool Adhesive::IsBonded(const NearPair& pair, const Contacts& contacts) const {
 }
 
 bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
-  const int z = contacts.zone_of[particle];
-  if (model_.fixed[particle]) return true;
-  if (z < 0) return false;
-  const Zone& zone = contacts.zones[z];
-  return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
+  const auto held = [&](int p) {
+    if (model_.fixed[p]) return true;
+    const int z = contacts.zone_of[p];
+    if (z < 0) return false;
+    const Zone& zone = contacts.zones[z];
+    return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
+  };
+  if (held(particle)) return true;
+  if (carried_.empty() || carried_[particle] < 0) return false;
+  // What carries it would have to come along.
+  const CarriedParticle& c = model_.carried[carried_[particle]];
+  for (int k = 0; k < 4; ++k) {
+    if (c.weights[k] != 0 && held(c.carriers[k])) return true;
+  }
+  return false;
 }
 
 // With the members that may be: of some weight, not held against the tool, and not released from

@@ -198,6 +198,7 @@ class Adhesive {
   std::vector<double> mesh_area_m2_;  // [#bodies]
   std::vector<Limit> limit_;          // [#particles]
   RigidInterfaces rigid_;
+  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool

@@ -61,8 +61,20 @@ bool ZoneBuilder::UniteCarriers(int particle) {
   return true;
 }
 
+// All or nothing: carriers that stayed united after a refusal would be held by what nobody sees.
 bool ZoneBuilder::UniteMember(int anchor, int particle) {
-  return UniteCarriers(particle) && Unite(anchor, particle);
+  int prescriber = prescriber_[Find(anchor)];
+  const auto agrees = [&](int node) {
+    const int other = prescriber_[Find(node)];
+    if (prescriber == kNobody) prescriber = other;
+    return other == kNobody || other == prescriber;
+  };
+  bool all = agrees(particle);
+  if (!carried_.empty() && carried_[particle] >= 0) {
+    const CarriedParticle& c = model_.carried[carried_[particle]];
+    for (int k = 0; k < 4; ++k) all = all && (c.weights[k] == 0 || agrees(c.carriers[k]));
+  }
+  return all && UniteCarriers(particle) && Unite(anchor, particle);
 }
 
 void ZoneBuilder::MarkMember(int particle) {
@@ -120,11 +132,11 @@ void ZoneBuilder::MarkPatches(const Contacts& contacts) {
 
 // What carries a particle can be held by others already: then this bond cannot hold it.
 void ZoneBuilder::KeepCarriersTogether(Bond* bond, StepReport* report) {
-  if (bond->holds_particle && !UniteCarriers(bond->particle)) {
+  if (bond->holds_particle && !UniteMember(bond->particle, bond->particle)) {
     bond->holds_particle = false;
     report->bits |= kStepZoneSplitForced;
   }
-  if (bond->holds_partner && !UniteCarriers(bond->partner)) {
+  if (bond->holds_partner && !UniteMember(bond->partner, bond->partner)) {
     bond->holds_partner = false;
     report->bits |= kStepZoneSplitForced;
   }

@@ -110,9 +110,9 @@ int Pipeline::SubstepsNow() {
     if (implicit_) {
       const Twist coming = ComingTwist(static_cast<int>(t));
       velocities.Add(Vec3(coming.linear_m_s * std::min(1.0, limit / coming.linear_m_s.norm())));
-      const double turn = std::max(tool.twist.angular_rad_s.norm(), coming.angular_rad_s.norm());
-      turning_m_s = std::max(turning_m_s,
-                             std::min(limit / kSpeedRadius, turn) * ToolLength(model_->tools[t]));
+      const double turn = std::max(tool.twist.angular_rad_s.norm(),
+                                   std::min(limit / kSpeedRadius, coming.angular_rad_s.norm()));
+      turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
       continue;
     }
     const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
@@ -122,8 +122,9 @@ int Pipeline::SubstepsNow() {
     }
     const double angle =
         2 * (tool.target.orientation * tool.pose.orientation.conjugate()).vec().norm();
-    const double turn =
-        std::min(limit / kSpeedRadius, tool.twist.angular_rad_s.norm() + angle / model_->dt_s);
+    const double turn = std::max(
+        tool.twist.angular_rad_s.norm(),
+        std::min(limit / kSpeedRadius, tool.twist.angular_rad_s.norm() + angle / model_->dt_s));
     turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
   }
   const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
@@ -194,7 +195,7 @@ void Pipeline::DetectAndCapture(double dt_s) {
     changes += adhesive_->FollowSlidingOnTools(near_tools_, state_, &state_.contacts);
     changes += adhesive_->CaptureByTools(near_tools_, state_, &state_.contacts, &report_);
   }
-  if (changes > 0) RenewZones();
+  if (changes > 0) RenewZones(/*meets_tools=*/true);
   clock_.Lap(zones_stage_);
   if (strengths_scale_) ScaleStrengths();
 }
@@ -265,19 +266,15 @@ void Pipeline::MoveTools(double dt_s) {
     ToolState& tool = state_.tools[t];
     last_twist_[t] = tool.twist;
     // What the tool carries: the inertia of its zone, and the forces on it.
-    Mat6 inertia = ToolInertia(model_->tools[t], tool.pose);
+    Vec6 momentum;
+    const Mat6 inertia =
+        ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(static_cast<int>(t), &momentum);
     Wrench applied = tool.rubbed;
     for (const Zone& zone : state_.contacts.zones) {
       if (zone.tool != static_cast<int>(t)) continue;
       for (int k = zone.first; k < zone.first + zone.count; ++k) {
         const int p = state_.contacts.zone_members[k];
         const Vec3 r = state_.position_m[p] - tool.pose.position_m;
-        const Mat3 cross = CrossMatrix(r);
-        const double m = model_->mass_kg[p];
-        inertia.topLeftCorner<3, 3>() += m * Mat3::Identity();
-        inertia.topRightCorner<3, 3>() -= m * cross;
-        inertia.bottomLeftCorner<3, 3>() += m * cross;
-        inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
         applied.force_n += total_force_n_[p];
         applied.torque_nm += r.cross(total_force_n_[p]);
       }

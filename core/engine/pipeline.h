@@ -66,6 +66,8 @@ class Pipeline : public Engine {
 
   int SubstepsNow();
   Twist ComingTwist(int tool) const;
+  Mat6 CarriedInertia(int tool, Vec6* momentum) const;
+  void MeetTools();
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s);
   void Separate();
@@ -77,9 +79,10 @@ class Pipeline : public Engine {
     near_edges_ = detector_->FindEdges(state_.position_m, moves_with, &parallel_, &report_);
     zones_parted_ = false;
   }
-  void RenewZones() {
+  void RenewZones(bool meets_tools = false) {
     adhesive_->Tie(state_.position_m, &state_.contacts);
     zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
+    if (meets_tools) MeetTools();
     solver_->Capture(&state_, tool_impulse_);
   }
   // Which lists of what is near a sub-step makes anew; the other one is of the sub-step before.

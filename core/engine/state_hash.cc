@@ -73,6 +73,8 @@ std::uint64_t HashState(const State& state) {
           bond.vertices[2], bond.holds_particle + 2 * bond.holds_partner}) {
       hash.Add(static_cast<std::uint64_t>(value));
     }
+    // Ages count where they scale strengths; elsewhere nothing depends on them.
+    if (bond.strength_scale != 1) hash.Add(bond.since_s);
   }
   for (const ReleasedPair& pair : state.contacts.released) {
     hash.Add(static_cast<std::uint64_t>(pair.particle));

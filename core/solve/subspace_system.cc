@@ -160,9 +160,12 @@ void SubspaceSystem::FindLoose(const State& state, std::span<const RigidGroup> g
   };
   for (const Zone& zone : contacts_zones_) {
     const auto members = members_.subspan(zone.first, zone.count);
-    if (members.empty() || !loose_[members[0]]) continue;
+    // The first may be carried, and then is not loose whatever its zone is.
+    const auto first =
+        std::find_if(members.begin(), members.end(), [&](int p) { return loose_[p]; });
+    if (first == members.end()) continue;
     for (int p : members) {
-      const int a = root(model_.body_of[members[0]]), b = root(model_.body_of[p]);
+      const int a = root(model_.body_of[*first]), b = root(model_.body_of[p]);
       component_[std::max(a, b)] = std::min(a, b);
     }
   }

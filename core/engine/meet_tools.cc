@@ -1,0 +1,48 @@
+// The part of a sub-step in which tools feel the mass of what they take hold of.
+
+#include <Eigen/Cholesky>
+
+#include "core/engine/pipeline.h"
+
+namespace adhesim {
+
+// Of what a tool's zone carries, about the tip; `momentum` likewise.
+Mat6 Pipeline::CarriedInertia(int t, Vec6* momentum) const {
+  Mat6 inertia = Mat6::Zero();
+  momentum->setZero();
+  for (const Zone& zone : state_.contacts.zones) {
+    if (zone.tool != t) continue;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state_.contacts.zone_members[k];
+      const Vec3 r = state_.position_m[p] - state_.tools[t].pose.position_m;
+      const Mat3 cross = CrossMatrix(r);
+      const double m = model_->mass_kg[p];
+      inertia.topLeftCorner<3, 3>() += m * Mat3::Identity();
+      inertia.topRightCorner<3, 3>() -= m * cross;
+      inertia.bottomLeftCorner<3, 3>() += m * cross;
+      inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
+      momentum->head<3>() += m * state_.velocity_m_s[p];
+      momentum->tail<3>() += m * r.cross(state_.velocity_m_s[p]);
+    }
+  }
+  return inertia;
+}
+
+// Capture is a plastic impact of tissue and tool, in which both keep their momentum together. A
+// tool that went on as it was would give tissue of ten times its mass its own speed at once, by an
+// impulse that neither its coupling nor its mass could exert.
+void Pipeline::MeetTools() {
+  for (int t = 0; t < static_cast<int>(state_.tools.size()); ++t) {
+    Vec6 momentum;
+    const Mat6 carried = CarriedInertia(t, &momentum);
+    if (carried.isZero(0)) continue;
+    ToolState& tool = state_.tools[t];
+    const Mat6 own = ToolInertia(model_->tools[t], tool.pose);
+    Vec6 twist;
+    twist << tool.twist.linear_m_s, tool.twist.angular_rad_s;
+    twist = (own + carried).ldlt().solve(own * twist + momentum);
+    tool.twist = {twist.head<3>(), twist.tail<3>()};
+  }
+}
+
+}  // namespace adhesim
