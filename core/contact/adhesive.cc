@@ -24,7 +24,7 @@ std::tuple<int, int, int, int, int> Adhesive::Key(const Bond& bond) {
           bond.partner >= 0 ? OppositeCorner(bond.weights) : 0};
 }
 
-Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
+Adhesive::Adhesive(const Model& model) : model_(model), patches_(model), rigid_(model) {
   if (model.adhesive) {
     capture_distance_m_ = model.adhesive->capture_distance_m;
     release_distance_m_ = model.adhesive->release_distance_m;
@@ -32,6 +32,11 @@ Adhesive::Adhesive(const Model& model) : model_(model), rigid_(model) {
   carried_ = CarriedIndex(model);
   MeasureMeshes();
   limit_.resize(model.rest_position_m.size());
+  crack_area_m2_.resize(model.rest_position_m.size());
+  if (!patches_.empty()) {
+    patch_list_.reserve(model.rest_position_m.size());
+    patch_members_.reserve(model.rest_position_m.size());
+  }
   bond_verdict_.reserve(4 * model.rest_position_m.size() + 64);
   touched_.resize(model.rest_position_m.size() * model.tools.size());
   calm_.reserve(4 * model.rest_position_m.size() + 64);
@@ -126,6 +131,7 @@ void Adhesive::DropReleased(std::span<const NearPair> near, std::span<const Near
 int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
                       const State& state, double dt_s, Contacts* contacts, StepReport* report) {
   DropReleased(near, near_edges, contacts);
+  const int cut = model_.adhesive->patch_size_m ? CutAgain(contacts) : 0;
   const double still = kApproach * capture_distance_m_ / dt_s;
   const int apart = DropApart(state.position_m, contacts);
   int captured = 0;
@@ -161,9 +167,9 @@ int Adhesive::Capture(std::span<const NearPair> near, std::span<const NearEdges>
   }
   captured += CaptureEdges(near_edges, state, still, contacts, report);
   report->captures += captured;
-  if (!slides()) return captured + apart;
+  if (!slides()) return captured + apart + cut;
   const auto passed = [](const Bond& bond) { return bond.sliding && std::isinf(bond.gap_m); };
-  return captured + apart + static_cast<int>(std::erase_if(contacts->bonds, passed));
+  return captured + apart + cut + static_cast<int>(std::erase_if(contacts->bonds, passed));
 }
 
 Bond Adhesive::BondOf(const NearPair& near, double time_s) const {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/contact/detector.h"
+#include "core/contact/patches.h"
 #include "core/contact/rigid_interfaces.h"
 #include "core/model/bond_geometry.h"
 #include "core/model/frame.h"
@@ -28,8 +29,9 @@ namespace adhesim {
 // in compression never. With `kappa_adh`, sigma A_i is replaced by kappa m_i / dt_ref^2.
 // Hysteresis: a pair that let go is not captured again before its gap has exceeded d_off, unless it
 // is pressed closer than it was when it let go.
-// Zones that are cut into patches (patch_size_m) let go as a whole instead: the resultant of what a
-// patch carries on one body's particles against the sum of their strengths (notes 3.3, item 9).
+// Patches (patch_size_m) let go as wholes instead: the resultant of what one carries on one body's
+// particles against the sum of their strengths (notes 3.3, item 9), also where the last look at a
+// step has made one zone of several. A crack then runs a patch at a time: its size is the patch's.
 // A bond of which only a part still holds ends where its contact points are further apart than
 // d_off: a far corner says nothing about a contact that is gone.
 // With a Bell rate, one in tension also lets go by chance.
@@ -151,6 +153,8 @@ class Adhesive {
   bool MoveAsOne(const Contacts& contacts, const NearPair& pair) const {
     return MoveAsOne(contacts, pair.triangle, pair.weights, pair.particle, pair.particle);
   }
+  // Bonds that the last look at a trial step made join patches no more. Returns their number.
+  static int CutAgain(Contacts* contacts);
   int HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const;
   // Adds the bond, or to that of the same features what it has more. True if anything is new.
   static bool Hold(Bond bond, Contacts* contacts, StepReport* report);
@@ -169,8 +173,11 @@ class Adhesive {
   Demand DemandOn(const Limit& limit, const Vec3& load) const;
   int ReleaseParticles(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
                        Zone* zone);
-  int ReleasePatch(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
-                   Zone* zone);
+  bool LetsGoInPatches(const Zone& zone) const {
+    return !patches_.empty() && zone.tool < 0 && zone.rigid_body < 0;
+  }
+  void CollectPatches(const Contacts& contacts);
+  int ReleasePatches(std::span<const Vec3> load_n, double chance_s, Contacts* contacts);
   bool TakenByChance(int who, const Demand& demand, const Vec3& load, double chance_s,
                      const Contacts& contacts) const;
   std::pair<std::int32_t, std::int32_t> BodiesOf(const Bond& bond) const;  // ascending
@@ -197,6 +204,14 @@ class Adhesive {
   double release_distance_m_ = 0;
   std::vector<double> mesh_area_m2_;  // [#bodies]
   std::vector<Limit> limit_;          // [#particles]
+  Patches patches_;
+  struct Patch {                // of one zone and one body
+    std::int32_t first, count;  // into patch_members_
+    double area_m2;
+  };
+  std::vector<Patch> patch_list_;
+  std::vector<std::int32_t> patch_members_;
+  std::vector<double> crack_area_m2_;  // [#particles] of what lets go with it: the crack's step
   RigidInterfaces rigid_;
   std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };

@@ -89,6 +89,18 @@ int Adhesive::HoldWhole(Bond bond, Contacts* contacts, StepReport* report) const
   return Hold(bond, contacts, report);
 }
 
+// Each look at a trial step says anew what has to be held across patches: what was caught in
+// compression must not keep the patches one when they are pulled.
+int Adhesive::CutAgain(Contacts* contacts) {
+  int cut = 0;
+  for (Bond& bond : contacts->bonds) {
+    if (bond.tied || bond.calm != ZoneBuilder::kAcrossPatches) continue;
+    bond.calm = 0;
+    ++cut;
+  }
+  return cut;
+}
+
 int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const NearEdges> near_edges,
                               const State& state, std::span<const Vec3> moved_m, Contacts* contacts,
                               StepReport* report) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "core/contact/adhesive.h"
 #include "core/contact/zone_builder.h"
@@ -30,12 +31,16 @@ void Adhesive::Limits(int particle, const Bond& bond, const Vec3& normal, double
   Limit& limit = limit_[particle];
   if (!limit.bonded) limit = {Vec3::Zero(), 0, 0, true, true, false, false};
   limit.normal_sum += normal;
-  Bear(bond.tool, LimitOf(bond, particle, model_), scale, &limit);
+  Bear(bond.tool, LimitOf(bond, particle, model_, crack_area_m2_[particle]), scale, &limit);
 }
 
 void Adhesive::CollectLimits(const State& state, std::span<const double> strength_scale,
                              const Contacts& contacts) {
-  for (int p : contacts.zone_members) limit_[p].bonded = false;
+  for (int p : contacts.zone_members) {
+    limit_[p].bonded = false;
+    crack_area_m2_[p] = model_.area_m2[p];
+  }
+  if (!patches_.empty()) CollectPatches(contacts);
   for (const Bond& bond : contacts.bonds) {
     if (bond.sliding || bond.tied) continue;
     const Vec3 normal = BondNormal(bond, state);
@@ -98,19 +103,43 @@ int Adhesive::ReleaseParticles(std::span<const Vec3> load_n, double chance_s,
   return released;
 }
 
-int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const Contacts& contacts,
-                           Zone* zone) {
+// The members of patches, body by body and patch by patch, and the area of each.
+void Adhesive::CollectPatches(const Contacts& contacts) {
+  patches_.Mark(contacts);
+  patch_members_.clear();
+  for (const Zone& zone : contacts.zones) {
+    if (!LetsGoInPatches(zone)) continue;
+    const auto first = contacts.zone_members.begin() + zone.first;
+    patch_members_.insert(patch_members_.end(), first, first + zone.count);
+  }
+  const auto key = [&](int p) {
+    return std::tuple(contacts.zone_of[p], model_.body_of[p], patches_.CubeOf(p));
+  };
+  std::sort(patch_members_.begin(), patch_members_.end(), [&](int a, int b) {
+    const auto ka = key(a), kb = key(b);
+    return ka != kb ? ka < kb : a < b;
+  });
+  patch_list_.clear();
+  for (int k = 0; k < static_cast<int>(patch_members_.size()); ++k) {
+    const int p = patch_members_[k];
+    if (k == 0 || key(p) != key(patch_members_[k - 1])) patch_list_.push_back({k, 0, 0});
+    ++patch_list_.back().count;
+    patch_list_.back().area_m2 += model_.area_m2[p];
+  }
+  for (const Patch& patch : patch_list_) {
+    for (int k = patch.first; k < patch.first + patch.count; ++k)
+      crack_area_m2_[patch_members_[k]] = patch.area_m2;
+  }
+}
+
+int Adhesive::ReleasePatches(std::span<const Vec3> load_n, double chance_s, Contacts* contacts) {
   int released = 0;
-  // Members ascend, and so do their bodies.
-  for (int k = zone->first, end; k < zone->first + zone->count; k = end) {
-    const int first = contacts.zone_members[k];
-    const int body = model_.body_of[first];
+  for (const Patch& patch : patch_list_) {
+    const auto members = std::span(patch_members_).subspan(patch.first, patch.count);
     Limit whole{Vec3::Zero(), 0, 0, true, true, false, false};
     Vec3 load = Vec3::Zero();
     bool fixed = false;
-    for (end = k; end < zone->first + zone->count; ++end) {
-      const int p = contacts.zone_members[end];
-      if (model_.body_of[p] != body) break;
+    for (int p : members) {
       if (!limit_[p].bonded) continue;
       fixed = fixed || model_.fixed[p];
       whole.normal_sum += limit_[p].normal_sum;
@@ -122,11 +151,12 @@ int Adhesive::ReleasePatch(std::span<const Vec3> load_n, double chance_s, const 
     }
     if (fixed) continue;  // its load is not of the contact alone; the other side decides
     const Demand demand = DemandOn(whole, load);
-    zone->load = std::max(zone->load, demand.ratio);
-    if (demand.ratio <= 1 && !TakenByChance(first, demand, load, chance_s, contacts)) continue;
-    for (int m = k; m < end; ++m) {
-      Limit& limit = limit_[contacts.zone_members[m]];
-      if (limit.bonded) (demand.slides ? limit.slides : limit.released) = true;
+    Zone& zone = contacts->zones[contacts->zone_of[members[0]]];
+    zone.load = std::max(zone.load, demand.ratio);
+    if (demand.ratio <= 1 && !TakenByChance(members[0], demand, load, chance_s, *contacts))
+      continue;
+    for (int p : members) {
+      if (limit_[p].bonded) (demand.slides ? limit_[p].slides : limit_[p].released) = true;
     }
     ++released;
   }
@@ -143,10 +173,9 @@ int Adhesive::Release(std::span<const Vec3> load_n, std::span<const TieLoad> tie
   int released = ReleaseTies(tie_load, state, chance_s, *contacts);
   for (Zone& zone : contacts->zones) {
     zone.load = 0;
-    const bool patch = model_.adhesive->patch_size_m && zone.tool < 0 && zone.rigid_body < 0;
-    released += patch ? ReleasePatch(load_n, chance_s, *contacts, &zone)
-                      : ReleaseParticles(load_n, chance_s, *contacts, &zone);
+    if (!LetsGoInPatches(zone)) released += ReleaseParticles(load_n, chance_s, *contacts, &zone);
   }
+  if (!patches_.empty()) released += ReleasePatches(load_n, chance_s, contacts);
   released += rigid_.Release(
       *contacts, load_n, [&](const Bond& bond) { return BondNormal(bond, state); },
       [&](const RigidInterfaces::Cut& cut) {

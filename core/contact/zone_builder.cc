@@ -1,14 +1,13 @@
 #include "core/contact/zone_builder.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 
 #include "core/model/carried.h"
 
 namespace adhesim {
 
-ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
+ZoneBuilder::ZoneBuilder(const Model& model) : model_(model), patches_(model) {
   const std::size_t nodes = model.rest_position_m.size() + model.bodies.size() + model.tools.size();
   parent_.resize(nodes);
   prescriber_.resize(nodes);
@@ -16,7 +15,6 @@ ZoneBuilder::ZoneBuilder(const Model& model) : model_(model) {
   member_.resize(model.rest_position_m.size());
   colliding_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
-  if (model.adhesive && model.adhesive->patch_size_m) patch_.resize(model.rest_position_m.size());
   carried_ = CarriedIndex(model);
   for (auto* array : {&old_id_, &old_size_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
@@ -95,7 +93,7 @@ bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   }
   for (int t = 0; t < static_cast<int>(model_.tools.size()); ++t) prescriber_[ToolNode(t)] = t;
   UniteRigidBodies();
-  if (!patch_.empty()) MarkPatches(*contacts);
+  if (!patches_.empty()) MarkPatches(*contacts);
   UniteBonds(contacts, report);
   UniteMeshEdges();
   old_zone_of_ = contacts->zone_of;
@@ -109,25 +107,10 @@ bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
   return KeepIds(contacts) < static_cast<int>(old_id_.size());
 }
 
+// What goes together sticks together, whatever the cubes.
 void ZoneBuilder::MarkPatches(const Contacts& contacts) {
-  for (const Bond& bond : contacts.bonds) {
-    if (bond.tool >= 0 || bond.sliding) continue;
-    int heaviest = -1;
-    for (int k = 0; k < 3; ++k) {
-      if (bond.vertices[k] >= 0 && (heaviest < 0 || bond.weights[k] > bond.weights[heaviest]))
-        heaviest = k;
-    }
-    const bool partner = bond.holds_partner && (!bond.holds_particle || bond.partner_weight > 0.5);
-    if (heaviest >= 0) Unite(partner ? bond.partner : bond.particle, bond.vertices[heaviest]);
-  }
-  const double size = *model_.adhesive->patch_size_m;
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    // A root may be a rigid body's node: then it is one patch anyway.
-    const int root = Find(p) < model_.particle_count() ? Find(p) : p;
-    for (int k = 0; k < 3; ++k) {
-      patch_[p][k] = static_cast<std::int32_t>(std::floor(model_.rest_position_m[root](k) / size));
-    }
-  }
+  patches_.Mark(contacts);
+  for (int p = 0; p < model_.particle_count(); ++p) Unite(p, patches_.FirstOf(p));
 }
 
 // What carries a particle can be held by others already: then this bond cannot hold it.

@@ -3,6 +3,7 @@
 #include <span>
 #include <vector>
 
+#include "core/contact/patches.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -14,9 +15,7 @@ namespace adhesim {
 // so are the split and the shrinking that it lacks; the result does not depend on the order of
 // events (physics notes 3.3, item 3).
 //
-// With a patch size, what is stuck most firmly together (each particle and the heaviest of what it
-// is stuck to) stays together; those groups are joined further only within one cube of that size,
-// at rest.
+// With a patch size, zones are cut into patches (Patches), but for what would pass through.
 //
 // A carried particle takes its carriers along, so that all of them are members.
 //
@@ -56,8 +55,8 @@ class ZoneBuilder {
   }
   void MarkPatches(const Contacts& contacts);
   bool InOnePatch(int a, int b) const {
-    return patch_.empty() || patch_[a] == patch_[b] || model_.bodies[model_.body_of[a]].rigid ||
-           model_.bodies[model_.body_of[b]].rigid;
+    return patches_.empty() || patches_.CubeOf(a) == patches_.CubeOf(b) ||
+           model_.bodies[model_.body_of[a]].rigid || model_.bodies[model_.body_of[b]].rigid;
   }
   void UniteBonds(Contacts* contacts, StepReport* report);
   void UniteRigidBodies();
@@ -73,7 +72,7 @@ class ZoneBuilder {
   std::vector<std::uint8_t> colliding_;     // [#particles] is part of some bond
   std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
   std::vector<std::int32_t> carried_;       // [#particles] into Model::carried, -1; or empty
-  std::vector<std::array<std::int32_t, 3>> patch_;  // [#particles]; empty: zones are not cut
+  Patches patches_;                         // empty: zones are not cut
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]
   std::vector<std::int32_t> old_id_;       // [#old zones]

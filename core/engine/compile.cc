@@ -23,11 +23,10 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
                                                    " (this machine has at most ",
                                                    SimdName(available.back()), ")"));
   }
-  if (!model->carried.empty() && model->adhesive &&
-      (model->adhesive->friction_coefficient || model->adhesive->kappa)) {
+  if (!model->carried.empty() && model->adhesive && model->adhesive->kappa) {
     return absl::InvalidArgumentError(
-        "virtual_adhesive: friction_coefficient and kappa_adh_m act on the mass of a surface's "
-        "particles, and a carried surface has none; permitted: strengths, on blocks also both");
+        "virtual_adhesive: kappa_adh_m is a strength by the mass of a surface's particles, and a "
+        "carried surface has none; permitted: strengths, and kappa_adh_m on blocks");
   }
   if (model->adhesive && model->adhesive->ties && model->integrator != Integrator::kExplicit) {
     return absl::InvalidArgumentError(

@@ -51,13 +51,14 @@ BondLimit LimitOf(int tool, bool sticky, double area_m2, double mass_kg, const M
   return {force, force};
 }
 
-BondLimit LimitOf(const Bond& bond, int member, const Model& model) {
-  const BondLimit one = LimitOf(bond.tool, bond.sticky, model.area_m2[member],
-                                model.mass_kg[member], model, CrackTraction(bond, member, model));
+BondLimit LimitOf(const Bond& bond, int member, const Model& model, double crack_area_m2) {
+  const BondLimit one =
+      LimitOf(bond.tool, bond.sticky, model.area_m2[member], model.mass_kg[member], model,
+              CrackTraction(bond, member, model, crack_area_m2));
   return {bond.strength_scale * one.normal_n, bond.strength_scale * one.shear_n};
 }
 
-double CrackTraction(const Bond& bond, int member, const Model& model) {
+double CrackTraction(const Bond& bond, int member, const Model& model, double crack_area_m2) {
   const std::optional<double>& work_j_m2 = bond.tool >= 0
                                                ? model.tools[bond.tool].work_of_adhesion_j_m2
                                                : model.adhesive->work_of_adhesion_j_m2;
@@ -70,7 +71,7 @@ double CrackTraction(const Bond& bond, int member, const Model& model) {
   } else if (bond.tool < 0) {
     both += compliance[bond.particle];
   }
-  const double size_m = std::sqrt(model.area_m2[member]);
+  const double size_m = std::sqrt(crack_area_m2);
   return std::sqrt(4 * *work_j_m2 / (std::numbers::pi * both * size_m));
 }
 

@@ -30,13 +30,16 @@ struct BondLimit {
 // its mass. `tool`: what it is bonded to, -1: another body; a tool holds nothing where not sticky.
 BondLimit LimitOf(int tool, bool sticky, double area_m2, double mass_kg, const Model& model,
                   double most_pa = std::numeric_limits<double>::infinity());
-// On one particle that a bond holds.
-BondLimit LimitOf(const Bond& bond, int member, const Model& model);
+// On one particle that a bond holds; a crack runs over `crack_area_m2` at a time.
+BondLimit LimitOf(const Bond& bond, int member, const Model& model, double crack_area_m2);
+inline BondLimit LimitOf(const Bond& bond, int member, const Model& model) {
+  return LimitOf(bond, member, model, model.area_m2[member]);
+}
 
 // The traction at which a crack with the work of adhesion w runs over a member of a bond, Pa: the
-// mean over its size h of what stands ahead of a crack's tip, sqrt(4 E* w / (pi h)) (physics notes
-// 3.3, item 8; K^2 = 2 E* w, 1 / E* the sum of both sides' (1 - nu^2) / E). Infinite where no work
-// of adhesion is given.
-double CrackTraction(const Bond& bond, int member, const Model& model);
+// mean over the size h = sqrt(crack_area_m2) of what lets go at once, of what stands ahead of a
+// crack's tip, sqrt(4 E* w / (pi h)) (physics notes 3.3, item 8; K^2 = 2 E* w, 1 / E* the sum of
+// both sides' (1 - nu^2) / E). Infinite where no work of adhesion is given.
+double CrackTraction(const Bond& bond, int member, const Model& model, double crack_area_m2);
 
 }  // namespace adhesim

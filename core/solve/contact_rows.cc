@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/model/bond_geometry.h"
+#include "core/model/carried.h"
 #include "core/model/closest_point.h"
 #include "core/model/tie_geometry.h"
 
@@ -32,12 +33,18 @@ ContactRows::ContactRows(const Model& model) : model_(model) {
   impulse_ns_.assign(n, Vec3::Zero());
   stamp_.assign(n, 0);
   if (tools) touch_.assign(n, 0);
+  carried_ = CarriedIndex(model);
+  if (carried_.empty()) return;
+  carried_touching_.reserve(model.carried.size());
+  carried_impulse_ns_.assign(n, Vec3::Zero());
 }
 
 void ContactRows::Collect(const State& state, const Motion& motion, const Tools& tools,
                           double dt_s) {
   for (int p : acted_) impulse_ns_[p].setZero();
   acted_.clear();
+  for (int p : carried_touching_) carried_impulse_ns_[p].setZero();
+  carried_touching_.clear();
   rows_.clear();
   if (!possible()) return;
   for (std::size_t b = 0; b < state.contacts.bonds.size(); ++b) {
@@ -46,14 +53,20 @@ void ContactRows::Collect(const State& state, const Motion& motion, const Tools&
   }
   ShareLimits(state, tools, dt_s);
   for (const Row& row : rows_) {
-    for (int p : row.particle) {
-      if (stamp_[p]) continue;
-      stamp_[p] = 1;
-      acted_.push_back(p);
-    }
+    for (int p : row.particle) Act(p);
   }
   for (int p : acted_) stamp_[p] = 0;
+  for (int p : carried_touching_) stamp_[p] = 0;
   std::sort(acted_.begin(), acted_.end());
+}
+
+void ContactRows::Act(int p) {
+  if (stamp_[p]) return;
+  stamp_[p] = 1;
+  const CarriedParticle* carried = CarriersOf(p);
+  (carried ? carried_touching_ : acted_).push_back(p);
+  if (!carried) return;
+  for (const std::int32_t carrier : carried->carriers) Act(carrier);
 }
 
 ContactRows::Interface& ContactRows::InterfaceOf(const Bond& bond) {
@@ -125,6 +138,12 @@ void ContactRows::ShareToolLimits(const State& state, const Tools& tools, double
 }
 
 Vec3 ContactRows::Velocity(int p, const State& state, const Motion& motion) const {
+  if (const CarriedParticle* carried = CarriersOf(p)) {
+    Vec3 sum = Vec3::Zero();
+    for (int k = 0; k < 4; ++k)
+      sum += carried->weights[k] * Velocity(carried->carriers[k], state, motion);
+    return sum;
+  }
   if (model_.fixed[p]) return Vec3::Zero();
   const int zone = state.contacts.zone_of[p];
   return zone < 0 ? motion.velocity_m_s[p] : motion.groups[zone].VelocityAt(state.position_m[p]);
@@ -258,12 +277,37 @@ void ContactRows::LeaveNoMoment(const State& state, Row* row) const {
   }
 }
 
+std::span<const ContactRows::Node> ContactRows::NodesOfRow(
+    const Row& row, int direction, std::array<Node, 4 * kNodes>* nodes) const {
+  int count = 0;
+  const auto add = [&](int p, const Vec3& gradient) {
+    const auto end = nodes->begin() + count;
+    const auto at =
+        std::find_if(nodes->begin(), end, [p](const Node& n) { return n.particle == p; });
+    if (at != end) {
+      at->gradient += gradient;
+    } else {
+      (*nodes)[count++] = {p, gradient};
+    }
+  };
+  for (int i = 0; i < kNodes; ++i) {
+    const Vec3& gradient = row.gradient[direction][i];
+    if (const CarriedParticle* carried = CarriersOf(row.particle[i])) {
+      for (int k = 0; k < 4; ++k) add(carried->carriers[k], carried->weights[k] * gradient);
+    } else {
+      add(row.particle[i], gradient);
+    }
+  }
+  return {nodes->data(), static_cast<std::size_t>(count)};
+}
+
 double ContactRows::Mobility(const Row& row, int direction, const State& state,
                              std::span<const RigidGroup> groups) const {
   double sum = 0, separately = 0;
-  for (int i = 0; i < kNodes; ++i) {
-    const int p = row.particle[i];
-    const Vec3& g = row.gradient[direction][i];
+  std::array<Node, 4 * kNodes> storage;
+  const std::span<const Node> nodes = NodesOfRow(row, direction, &storage);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const auto& [p, g] = nodes[i];
     const int zone = state.contacts.zone_of[p];
     if (model_.fixed[p]) continue;
     separately += g.squaredNorm() / (zone < 0 ? model_.mass_kg[p] : groups[zone].mass_kg);
@@ -274,12 +318,12 @@ double ContactRows::Mobility(const Row& row, int direction, const State& state,
     // Once a zone: all of its nodes together.
     bool first = true;
     Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
-    for (int j = 0; j < kNodes; ++j) {
-      if (state.contacts.zone_of[row.particle[j]] != zone) continue;
+    for (std::size_t j = 0; j < nodes.size(); ++j) {
+      if (state.contacts.zone_of[nodes[j].particle] != zone) continue;
       first = first && j >= i;
-      force += row.gradient[direction][j];
-      moment += (state.position_m[row.particle[j]] - groups[zone].pivot_m)
-                    .cross(row.gradient[direction][j]);
+      force += nodes[j].gradient;
+      moment +=
+          (state.position_m[nodes[j].particle] - groups[zone].pivot_m).cross(nodes[j].gradient);
     }
     if (!first) continue;
     const Twist response = groups[zone].Response(force, moment);
@@ -300,17 +344,25 @@ double ContactRows::Speed(const Row& row, int direction, const State& state,
 void ContactRows::Apply(const Row& row, int direction, double impulse, const State& state,
                         const Motion& motion) {
   if (impulse == 0) return;
-  for (int i = 0; i < kNodes; ++i) {
-    const int p = row.particle[i];
-    const Vec3 share = impulse * row.gradient[direction][i];
+  const auto give = [&](int p, const Vec3& share) {
     impulse_ns_[p] += share;
-    if (model_.fixed[p]) continue;
+    if (model_.fixed[p]) return;
     const int zone = state.contacts.zone_of[p];
     if (zone < 0) {
       motion.velocity_m_s[p] += share / model_.mass_kg[p];
     } else {
       RigidGroup& group = motion.groups[zone];
       group.AddImpulse(share, (state.position_m[p] - group.pivot_m).cross(share));
+    }
+  };
+  for (int i = 0; i < kNodes; ++i) {
+    const int p = row.particle[i];
+    const Vec3 share = impulse * row.gradient[direction][i];
+    if (const CarriedParticle* carried = CarriersOf(p)) {
+      carried_impulse_ns_[p] += share;
+      for (int k = 0; k < 4; ++k) give(carried->carriers[k], carried->weights[k] * share);
+    } else {
+      give(p, share);
     }
   }
 }

@@ -19,7 +19,8 @@ namespace adhesim {
 // On a tool (ToolAdhesion.friction_coefficient) they slide by the same rules; its motion is given,
 // it takes the whole of an impulse and its moment, and what it does to tissue is its work.
 //
-// An impulse acts on the particles of both sides so that its sum and its moment vanish. Every row
+// An impulse acts on the particles of both sides so that its sum and its moment vanish; what is
+// carried hands its share on to its carriers, by their weights, which keeps both. Every row
 // ends at, or moves towards, no sliding and no approach. An impulse J on speeds that go from v to
 // v' does the work J (v + v') / 2, which is positive where forces have turned v round within the
 // sub-step and the row would stop it at zero; there it is let go back as fast as it came, -v, for
@@ -50,11 +51,14 @@ class ContactRows {
   bool empty() const { return rows_.empty(); }
   // One pass over all rows.
   void Sweep(const State& state, const Motion& motion);
-  // The particles that rows act on, ascending, and what they get in this sub-step, N s.
+  // The particles that rows move, ascending, and what they get in this sub-step, N s.
   std::span<const std::int32_t> particles() const { return acted_; }
   Vec3 ImpulseOn(int particle) const {
     return rows_.empty() ? Vec3::Zero() : impulse_ns_[particle];
   }
+  // The carried particles among those that touch, and what came to their carriers by them.
+  std::span<const std::int32_t> carried() const { return carried_touching_; }
+  Vec3 ImpulseBy(int carried_particle) const { return carried_impulse_ns_[carried_particle]; }
 
   // Impulse and moment of tissue on a tool about its tip, and the tool's work on tissue.
   struct OnTool {
@@ -112,6 +116,18 @@ class ContactRows {
     std::array<BondLimit, 2> limit;
   };
   Interface& InterfaceOf(const Bond& bond);
+  void Act(int particle);
+  // What moves by itself of a row's particles, each once, and the row's gradient there.
+  struct Node {
+    std::int32_t particle;
+    Vec3 gradient;
+  };
+  std::span<const Node> NodesOfRow(const Row& row, int direction,
+                                   std::array<Node, 4 * kNodes>* nodes) const;
+  const CarriedParticle* CarriersOf(int particle) const {
+    return carried_.empty() || carried_[particle] < 0 ? nullptr
+                                                      : &model_.carried[carried_[particle]];
+  }
   void ShareLimits(const State& state, const Tools& tools, double dt_s);
   void ShareToolLimits(const State& state, const Tools& tools, double dt_s);
   BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
@@ -127,8 +143,11 @@ class ContactRows {
   std::vector<Row> rows_;
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
-  std::vector<Vec3> impulse_ns_;       // [#particles]
-  std::vector<double> touch_;          // [#particles] sum of weights in one tool's rows
+  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
+  std::vector<std::int32_t> carried_touching_;
+  std::vector<Vec3> carried_impulse_ns_;  // [#particles]; empty: nothing is carried
+  std::vector<Vec3> impulse_ns_;          // [#particles]
+  std::vector<double> touch_;             // [#particles] sum of weights in one tool's rows
   std::vector<std::int32_t> acted_;
   std::vector<std::uint8_t> stamp_;  // [#particles] in acted_ already
 };

@@ -136,6 +136,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
   }
   FinishMove(state);
   for (int p : slides_.particles()) load_n_[p].setZero();
+  for (int p : slides_.carried()) load_n_[p].setZero();
   for (int p : ties_.particles()) load_n_[p].setZero();
   for (int p : state.contacts.zone_members) {
     const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
@@ -229,6 +230,7 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
   if (!slides_.empty()) {
     slid_ = slides_.Judge(*state, {kicked_m_s_, groups_}, dt_s);
     for (int p : slides_.particles()) load_n_[p] -= slides_.ImpulseOn(p) / dt_s;
+    for (int p : slides_.carried()) load_n_[p] -= slides_.ImpulseBy(p) / dt_s;
   }
   gradients_known_ = false;
   ties_.Store(dt_s, &state->contacts);

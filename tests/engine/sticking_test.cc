@@ -3,6 +3,7 @@
 #include <set>
 
 #include "core/contact/penetration.h"
+#include "core/contact/zone_builder.h"
 #include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/sample_scenes.h"
@@ -217,6 +218,37 @@ effects:
   const double critical_pa = 1 * 0.5 / area_m2;
   EXPECT_TRUE(run(1.02 * critical_pa, &ignored));
   EXPECT_FALSE(run(0.98 * critical_pa, &ignored));
+}
+
+// What presses makes one zone of many patches, so that nothing passes; what pulls afterwards finds
+// patches again. A pair or two at the contact's rim may still come nearer as the ball sways.
+TEST(Sticking, PatchesThatWerePressedTogetherAreCutAgainWhenPulled) {
+  const auto ball = [](double gravity) {
+    return EngineOf(R"(
+bodies:
+  - {name: floor, sheet: {length_m: 4, width_m: 4, columns: 41, rows: 41}, mass_kg: 1, fixed: [all: true]}
+  - {name: ball, icosphere: {radius_m: 0.5, subdivisions: 2}, mass_kg: 1, position_m: [0.1, 0.05, 0.51], velocity_m_s: [0, 0, -0.5]}
+effects:
+  - shape_memory: {stiffness_n_m: 100, damping_n_s_m: 1}
+  - drag: {rate_per_s: 10}
+  - uniform_gravity: {acceleration_m_s2: [0, 0, )" +
+                    std::to_string(gravity) + R"(]}
+  - virtual_adhesive: {capture_distance_m: 0.01, patch_size_m: 0.1}
+)");
+  };
+  const auto across = [](const Engine& engine) {
+    const std::vector<Bond>& bonds = engine.state().contacts.bonds;
+    return std::count_if(bonds.begin(), bonds.end(),
+                         [](const Bond& bond) { return bond.calm == ZoneBuilder::kAcrossPatches; });
+  };
+  auto pressed = ball(-20), pulled = ball(5);
+  StepMany(pressed.get(), 400);
+  EXPECT_GT(across(*pressed), 8) << "nothing was pressed together";
+  pulled->Restore(pressed->state());
+  StepMany(pulled.get(), 400);
+  EXPECT_LE(across(*pulled), 2);
+  EXPECT_GT(pulled->state().contacts.zones.size(), pressed->state().contacts.zones.size());
+  EXPECT_LE(IdentityError(pulled->state().ledger), 1e-12);
 }
 
 // Patches of half a radius: more zones, and everything that holds for whole zones holds.

@@ -72,12 +72,11 @@ TEST(Ties, ConserveBothMomentaAndBalanceTheLedgerWhileSpinningBodiesStickAndPart
 }
 
 // Two equal sheets, particle over particle, that fields pull apart evenly.
-std::string TwoSheets(double strength_pa, double pull_pa, int rate_hz) {
-  const auto sheet = [](const char* name, const char* z, const char* vz) {
-    return std::string("  - {name: ") + name +
-           ", sheet: {length_m: 0.4, width_m: 0.3, columns: 5, rows: 4}, mass_kg: 1, "
-           "position_m: [0, 0, " +
-           z + "], velocity_m_s: [0, 0, " + vz + "]}\n";
+std::string TwoSheets(const std::string& strength, double pull_pa, int rate_hz,
+                      const std::string& mesh = "columns: 5, rows: 4") {
+  const auto sheet = [&](const char* name, const char* z, const char* vz) {
+    return std::string("  - {name: ") + name + ", sheet: {length_m: 0.4, width_m: 0.3, " + mesh +
+           "}, mass_kg: 1, position_m: [0, 0, " + z + "], velocity_m_s: [0, 0, " + vz + "]}\n";
   };
   // 1 kg on 0.12 m^2; the fields' centres are so far off that all is pulled alike.
   const std::string pull = std::to_string(pull_pa * 0.12);
@@ -88,29 +87,64 @@ effects:
   - attraction: {bodies: [a], point_m: [0, 0, 1.0e+6], acceleration_m_s2: )" +
          pull + R"(}
   - attraction: {bodies: [b], point_m: [0, 0, -1.0e+6], acceleration_m_s2: )" +
-         pull +
-         "}\n  - virtual_adhesive: {capture_distance_m: 0.008, ties: true, normal_strength_pa: " +
-         std::to_string(strength_pa) + "}\n";
+         pull + "}\n  - virtual_adhesive: {capture_distance_m: 0.008, ties: true" + strength +
+         "}\n";
 }
 
-// Whether they still hold after half a second under this part of what the strength should carry.
-bool SheetsHold(double part, int rate_hz) {
-  auto model = std::make_shared<Model>(*ModelOf(TwoSheets(10, 10 * part, rate_hz)));
-  // Every particle gets the part of the pull that its area has.
+// Every particle gets the part of the pull that its area has.
+std::unique_ptr<Engine> EvenlyPulled(const std::string& scene) {
+  auto model = std::make_shared<Model>(*ModelOf(scene));
   for (int p = 0; p < model->particle_count(); ++p) model->mass_kg[p] = model->area_m2[p] / 0.12;
-  auto engine = EngineOf(model);
+  return EngineOf(model);
+}
+
+// Whether they still hold after half a second.
+bool SheetsHold(const std::string& strength, double pull_pa, int rate_hz, bool shall) {
+  auto engine = EvenlyPulled(TwoSheets(strength, pull_pa, rate_hz));
   engine->Step({});
-  if (part < 1) EXPECT_EQ(Tied(*engine), 20);  // one side's particles
+  if (shall) EXPECT_EQ(Tied(*engine), 20);  // one side's particles
   StepMany(engine.get(), rate_hz / 2);
   return Tied(*engine) > 0;
 }
 
 // A symmetric pull-off, whatever the step.
 TEST(Ties, LetGoAtStrengthTimesArea) {
+  const std::string strength = ", normal_strength_pa: 10";
   for (const int rate_hz : {500, 1000, 2000}) {
-    EXPECT_TRUE(SheetsHold(0.99, rate_hz)) << rate_hz;
-    EXPECT_FALSE(SheetsHold(1.01, rate_hz)) << rate_hz;
+    EXPECT_TRUE(SheetsHold(strength, 9.9, rate_hz, true)) << rate_hz;
+    EXPECT_FALSE(SheetsHold(strength, 10.1, rate_hz, false)) << rate_hz;
   }
+}
+
+// kappa_adh: kappa m / dt_ref^2 a particle, here 1e-5 m / (1 ms)^2 on 1 kg / 0.12 m^2: 83.3 Pa, at
+// any rate.
+TEST(Ties, LetGoAtKappaTimesMass) {
+  const std::string strength = ", kappa_adh_m: 1.0e-5, dt_ref_s: 0.001";
+  const double limit_pa = 1e-5 / 1e-6 / 0.12;
+  for (const int rate_hz : {1000, 2000}) {
+    EXPECT_TRUE(SheetsHold(strength, 0.99 * limit_pa, rate_hz, true)) << rate_hz;
+    EXPECT_FALSE(SheetsHold(strength, 1.01 * limit_pa, rate_hz, false)) << rate_hz;
+  }
+}
+
+// Ties that break by chance decay as exp(-k t), and e times as fast under Bell's force. Of 336 the
+// standard deviation of those left is sqrt(336 p (1 - p)); four of them are allowed.
+TEST(Ties, BreakByChanceAtBellsRate) {
+  const auto left = [](double rate_per_s, double force_n, int steps) {
+    auto engine = EvenlyPulled(TwoSheets(", bell: {rate_per_s: " + std::to_string(rate_per_s) +
+                                             ", force_n: " + std::to_string(force_n) + "}",
+                                         1, 1000, "columns: 21, rows: 16"));
+    engine->Step({});
+    StepMany(engine.get(), steps - 1);
+    return Tied(*engine);
+  };
+  const auto expect = [](int now, double part) {
+    EXPECT_NEAR(now, 336 * part, 4 * std::sqrt(336 * part * (1 - part)));
+  };
+  expect(left(7, 1e6, 100), std::exp(-0.7));
+  // An inner particle has 4e-4 m^2 and so 0.4 mN. What lets go leaves its neighbours' loads as they
+  // are: each particle is pulled by itself, and soft springs carry little of it to others so soon.
+  expect(left(7, 4e-4, 10), std::exp(-0.07 * M_E));
 }
 
 std::pair<Vec3, Vec3> Centres(const Engine& engine) {

@@ -36,9 +36,11 @@ double ClosedForm(double compliance_per_pa, double work_j_m2, double size_m) {
 TEST(CrackTraction, IsThatOfBothSidesComplianceAndOfItsMembersSize) {
   const Sides sides;
   const double both = Sides::kUpper_per_pa + Sides::kLower_per_pa;
-  EXPECT_NEAR(CrackTraction(sides.bond, 0, sides.model) / ClosedForm(both, Sides::kWork_j_m2, 2e-3),
+  EXPECT_NEAR(CrackTraction(sides.bond, 0, sides.model, sides.model.area_m2[0]) /
+                  ClosedForm(both, Sides::kWork_j_m2, 2e-3),
               1, 1e-14);
-  EXPECT_NEAR(CrackTraction(sides.bond, 2, sides.model) / ClosedForm(both, Sides::kWork_j_m2, 3e-3),
+  EXPECT_NEAR(CrackTraction(sides.bond, 2, sides.model, sides.model.area_m2[2]) /
+                  ClosedForm(both, Sides::kWork_j_m2, 3e-3),
               1, 1e-14);
 }
 
@@ -46,7 +48,7 @@ TEST(CrackTraction, TakesARigidSideAsWithoutCompliance) {
   Sides sides;
   sides.model.compliance_per_pa[0] = 0;
   for (const int member : {0, 1}) {
-    EXPECT_NEAR(CrackTraction(sides.bond, member, sides.model) /
+    EXPECT_NEAR(CrackTraction(sides.bond, member, sides.model, sides.model.area_m2[member]) /
                     ClosedForm(Sides::kLower_per_pa, Sides::kWork_j_m2, member == 0 ? 2e-3 : 3e-3),
                 1, 1e-14);
   }
@@ -57,16 +59,19 @@ TEST(CrackTraction, OfAToolsBondIsTheToolsOwnAndTheTissuesAlone) {
   sides.model.tools.emplace_back();
   sides.bond.particle = -1;
   sides.bond.tool = 0;
-  EXPECT_EQ(CrackTraction(sides.bond, 1, sides.model), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(CrackTraction(sides.bond, 1, sides.model, sides.model.area_m2[1]),
+            std::numeric_limits<double>::infinity());
   sides.model.tools[0].work_of_adhesion_j_m2 = 7;
-  EXPECT_NEAR(CrackTraction(sides.bond, 1, sides.model) / ClosedForm(Sides::kLower_per_pa, 7, 3e-3),
+  EXPECT_NEAR(CrackTraction(sides.bond, 1, sides.model, sides.model.area_m2[1]) /
+                  ClosedForm(Sides::kLower_per_pa, 7, 3e-3),
               1, 1e-14);
 }
 
 TEST(CrackTraction, IsInfiniteWithoutAWorkOfAdhesion) {
   Sides sides;
   sides.model.adhesive->work_of_adhesion_j_m2.reset();
-  EXPECT_EQ(CrackTraction(sides.bond, 0, sides.model), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(CrackTraction(sides.bond, 0, sides.model, sides.model.area_m2[0]),
+            std::numeric_limits<double>::infinity());
 }
 
 TEST(LimitOf, TakesTheLesserOfStrengthAndTraction) {

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/model/state.h"
+
+namespace adhesim {
+
+// Which patch a particle is of (`patch_size_m`, mode P of the notes, 3.3, item 9): each particle
+// goes with the heaviest of what it is stuck to, and those groups with what is in the same cube at
+// rest. It follows from the bonds alone. What is of one patch and of one zone lets go together.
+class Patches {
+ public:
+  // Empty where the scene has no patches.
+  explicit Patches(const Model& model);
+  bool empty() const { return cube_.empty(); }
+  // Patches of these bonds; allocates nothing.
+  void Mark(const Contacts& contacts);
+  // The lowest particle of those that go with it.
+  int FirstOf(int particle);
+  // Which cube it goes with.
+  using Cube = std::array<std::int32_t, 3>;
+  const Cube& CubeOf(int particle) const { return cube_[particle]; }
+
+ private:
+  void Unite(int a, int b);
+
+  const Model& model_;
+  std::vector<std::int32_t> parent_;  // [#particles]
+  std::vector<Cube> cube_;            // [#particles]
+};
+
+}  // namespace adhesim
