@@ -26,7 +26,7 @@ std::int32_t BlockMatrix::Slot(std::int32_t i, std::int32_t j) const {
   return static_cast<std::int32_t>(std::lower_bound(begin, end, j) - column_.begin());
 }
 
-void BlockMatrix::SetZero() { std::fill(block_.begin(), block_.end(), Mat3::Zero()); }
+void BlockMatrix::SetZero() { std::fill_n(block_[0].data(), 9 * block_.size(), 0.0); }
 
 void BlockMatrix::Multiply(std::span<const Vec3> x, std::span<Vec3> y) const {
   for (int i = 0; i < particle_count(); ++i) {

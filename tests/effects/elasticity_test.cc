@@ -211,6 +211,64 @@ TEST_P(ElasticLaw, ThreadsAndInstructionSetsDoNotChangeABit) {
   }
 }
 
+// A block for implicit steps whose stiffness lags behind its rotations (undamped, corotational).
+Tissue LaggingTissue() {
+  TetBlock block = Block(v1::ELASTIC_MODEL_COROTATIONAL);
+  block.cells = {12, 5, 4};  // many batches
+  std::shared_ptr<Model> model = ModelOf(block);
+  model->integrator = Integrator::kImplicit;
+  return Tissue(model);
+}
+
+TEST(Corotational, StiffnessTurnsAlongOnceATetrahedronHasTurnedByAFiftieth) {
+  Tissue tissue = LaggingTissue();
+  tissue.Evaluate();
+  const Eigen::MatrixXd rest = tissue.Stiffness(1, 0);
+  const auto turned = [&](double angle_rad) {
+    tissue.x = tissue.model->rest_position_m;
+    tissue.Map(Eigen::AngleAxisd(angle_rad, Vec3(0.6, 0, 0.8)).toRotationMatrix());
+    tissue.Evaluate();
+    return tissue.Stiffness(1, 0);
+  };
+  EXPECT_EQ(turned(0.0199), rest);
+  // The square of its angle is told to round-off, some 1e-13 of 4e-4.
+  const Eigen::MatrixXd after = turned(0.0201);
+  const Mat3 turn = Eigen::AngleAxisd(0.0201, Vec3(0.6, 0, 0.8)).toRotationMatrix();
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      const Mat3 expected = turn * rest.block<3, 3>(3 * i, 3 * j) * turn.transpose();
+      EXPECT_LT((after.block<3, 3>(3 * i, 3 * j) - expected).norm(), 1e-11 * rest.norm());
+    }
+  }
+  // Forces never lag: none in a block that is turned as a whole.
+  EXPECT_LT(Size(tissue.force[0]), 1e-9);
+}
+
+// A matrix that was kept and renewed in places, against one that was made anew of the same state.
+TEST(Corotational, WhatIsSummedAnewInPlacesIsTheSumOfAll) {
+  Tissue tissue = LaggingTissue();
+  BlockMatrix matrix = tissue.Matrix();
+  Parallel two(2);
+  for (int step = 0; step < 12; ++step) {
+    // A bump that wanders along the block, so that some batches turn and others do not.
+    for (std::size_t p = 0; p < tissue.x.size(); ++p) {
+      const double from = tissue.model->rest_position_m[p].x() - 0.025 * step;
+      tissue.x[p].z() += 0.01 * std::exp(-1e3 * from * from);
+    }
+    tissue.Evaluate();
+    matrix.SetZero();
+    const double scale = step < 6 ? 0.3 : 0.2;  // as where a step is cut into more sub-steps
+    tissue.effect.AddStiffness(tissue.Input(step % 3 == 0 ? &two : &tissue.one), scale, 0, &matrix);
+    Tissue other = LaggingTissue();
+    other.state = tissue.state;
+    BlockMatrix whole = other.Matrix();
+    other.effect.AddStiffness(other.Input(&other.one), scale, 0, &whole);
+    for (std::size_t k = 0; k < matrix.column().size(); ++k) {
+      ASSERT_EQ(matrix.At(static_cast<int>(k)), whole.At(static_cast<int>(k))) << step;
+    }
+  }
+}
+
 TEST_P(ElasticLaw, AllocatesNothing) {
   Tissue tissue(Block(GetParam(), 0.01));
   BlockMatrix matrix = tissue.Matrix();

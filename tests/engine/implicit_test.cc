@@ -78,6 +78,28 @@ TEST(ImplicitEngine, DefaultToleranceGivesToolForcesToOnePercent) {
   EXPECT_LE(Quantile(relative, 0.99), 0.01);
 }
 
+// Stiffness lags behind rotations in undamped tissue only: next to no damping shows what it does.
+TEST(ImplicitEngine, LaggingStiffnessLeavesToolForcesAlone) {
+  for (const double dt_s : {1e-3, 5e-3}) {
+    PressedBlock pressed{.cells = kSanitized ? 3 : 6, .dt_s = dt_s, .tolerance = 1e-6};
+    auto lagging = EngineOf(ModelOf(pressed));
+    pressed.stiffness_damping_s = 1e-12;
+    auto exact = EngineOf(ModelOf(pressed));
+    double peak = 0, difference = 0;
+    for (int k = 0; k < std::lround(0.7 / dt_s); ++k) {  // until before it tears
+      lagging->Step({});
+      exact->Step({});
+      const Vec3 force = exact->state().tools[0].tissue.force_n;
+      peak = std::max(peak, force.norm());
+      difference = std::max(difference, (lagging->state().tools[0].tissue.force_n - force).norm());
+    }
+    EXPECT_GT(difference, 0);
+    EXPECT_LT(difference, 0.01 * peak) << dt_s;
+    RecordProperty("difference of the peak, dt " + std::to_string(dt_s),
+                   std::to_string(difference / peak));
+  }
+}
+
 TEST(ImplicitEngine, BooksAndMomentaBalanceWhileAToolPressesAndTears) {
   for (const double damping_s : {0.0, 5e-3}) {
     auto engine = EngineOf(ModelOf(PressedBlock{.stiffness_damping_s = damping_s}));

@@ -46,16 +46,14 @@ unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Ve
 //   K_ij = V (lambda B_i B_j^T + mu (B_j B_i^T + (B_i . B_j) I)),
 // which is R K0_ij R^T. It has the turning of R that goes with the strain, and leaves out the
 // stiffness that stress itself has (of the order of the strain beside this one).
-void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
-                           double scale, const TetRotations& rotation, TetBlocks* out) {
+void CorotationalStiffness(Simd simd, const TetBatch& batch, double scale,
+                           const TetRotations& rotation, TetBlocks* out) {
   ForLanes(
       simd, [&](auto width, int first) __attribute__((always_inline)) {
         using Kernel = TetKernel<decltype(width)::value>;
         using V = typename Kernel::V;
-        const auto f = Kernel::Gradient(first, batch, position_m);
         V q[4];
         for (int k = 0; k < 4; ++k) q[k] = Kernel::Load(rotation[k], first);
-        Kernel::FindRotations(f, q);
         typename Kernel::V33 r;
         Kernel::RotationMatrix(q[0], q[1], q[2], q[3], &r);
         typename Kernel::V3 b[4];
@@ -70,13 +68,14 @@ void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec
             const V along = shear * (bi[0] * bj[0] + bi[1] * bj[1] + bi[2] * bj[2]);
             const V lame_bi[3] = {lame * bi[0], lame * bi[1], lame * bi[2]},
                     shear_bi[3] = {shear * bi[0], shear * bi[1], shear * bi[2]};
+            V entry[9];
             for (int c = 0; c < 3; ++c) {
               for (int k = 0; k < 3; ++k) {
-                V entry = lame_bi[k] * bj[c] + shear_bi[c] * bj[k];
-                if (k == c) entry += along;
-                Kernel::Store(entry, &out->entry[pair][3 * c + k], first);
+                entry[3 * c + k] = lame_bi[k] * bj[c] + shear_bi[c] * bj[k];
+                if (k == c) entry[3 * c + k] += along;
               }
             }
+            Kernel::StoreBlocks(entry, first, out->block[pair]);
           }
         }
       });

@@ -69,14 +69,14 @@ void AddDampingStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3>
           for (int j = i + 1; j < 4; ++j, ++pair) {
             const V wj[3] = {w[j].x, w[j].y, w[j].z};
             const V along = shear * Kernel::Dot(b[i], b[j]);
+            V entry[9];
             for (int c = 0; c < 3; ++c) {
               for (int k = 0; k < 3; ++k) {
-                Lanes* entry = &out->entry[pair][3 * c + k];
-                Kernel::Store(Kernel::Load(*entry, first) + lame * wi[k] * wj[c] +
-                                  shear * wj[k] * wi[c] + along * left[k][c],
-                              entry, first);
+                entry[3 * c + k] =
+                    lame * wi[k] * wj[c] + shear * wj[k] * wi[c] + along * left[k][c];
               }
             }
+            Kernel::template StoreBlocks<true>(entry, first, out->block[pair]);
           }
         }
       });

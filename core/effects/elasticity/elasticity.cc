@@ -12,7 +12,9 @@ namespace {
 
 constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
-constexpr int kEdgeGrain = 1024;
+
+// Angle by which a tetrahedron may have turned before its stiffness turns along (decision 20).
+constexpr double kLag_rad = 0.02;
 
 // |F - R| at which a tetrahedron that was inside out has its shape again: the two laws then differ
 // by about this part of its energy and force.
@@ -48,6 +50,7 @@ ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& mes
     if (moves && model.fill[t] > 0) tetrahedra.push_back(t);
   }
   tet_count_ = static_cast<int>(tetrahedra.size());
+  lags_ = !neo_hookean_ && damping_s_ == 0 && model.integrator == Integrator::kImplicit;
   MakeBatches(model, message, tetrahedra);
   FindEdges();
   ListCorners();
@@ -259,7 +262,7 @@ void ElasticityEffect::EvaluateNeoHookean(int b, const ForceInput& in, TetForces
 void ElasticityEffect::EvaluateCorotational(int b, const ForceInput& in, TetForces* forces) const {
   const TetBatch& batch = batch_[b];
   const Simd simd = in.parallel->simd();
-  double* stored = &in.effect_state[4 * kLanes * b];
+  double* stored = &in.effect_state[numbers_a_lane() * kLanes * b];
   TetRotations rotation;
   std::memcpy(static_cast<void*>(rotation), stored, sizeof(rotation));
   const unsigned failed = CorotationalForces(simd, batch, in.position_m, rotation, forces);
@@ -276,6 +279,17 @@ void ElasticityEffect::EvaluateCorotational(int b, const ForceInput& in, TetForc
     CorotationalForces(simd, batch, in.position_m, rotation, forces);
   }
   std::memcpy(stored, rotation, sizeof(rotation));
+  if (!lags_ || in.trial) return;
+  const double* lagging = stored + 4 * kLanes;
+  double least = 1;  // (q . q_lag)^2 = cos^2 of half the angle
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double dot = 0;
+    for (int k = 0; k < 4; ++k) dot += rotation[k].v[lane] * lagging[k * kLanes + lane];
+    least = std::min(least, dot * dot);
+  }
+  if (!(least >= 1 - 0.25 * kLag_rad * kLag_rad)) {
+    std::memcpy(stored + 4 * kLanes, rotation, sizeof(rotation));
+  }
 }
 
 // A tetrahedron's energy belongs to its corners in equal parts.
@@ -284,91 +298,6 @@ void ElasticityEffect::AddEnergies(std::span<double> energy_j) const {
     for (int a = 0; a < 4; ++a) {
       energy_j[batch_[t / kLanes].particle[a][t % kLanes]] +=
           0.25 * energy_j_[t / kLanes].v[t % kLanes];
-    }
-  }
-}
-
-void ElasticityEffect::AddPairs(BlockMatrix::Pattern* pattern) const {
-  for (const Edge& edge : edge_) pattern->Add(edge.low, edge.high);
-}
-
-void ElasticityEffect::UseMatrix(const BlockMatrix& matrix) {
-  edge_block_n_m_.resize(edge_.size());
-  std::vector<std::vector<RowEntry>> rows(particle_.size());
-  const auto row_of = [&](std::int32_t particle) -> std::vector<RowEntry>& {
-    return rows[std::lower_bound(particle_.begin(), particle_.end(), particle) - particle_.begin()];
-  };
-  // Edges ascend by their lower end: a row gets its lower neighbours first, then the higher ones.
-  for (std::int32_t e = 0; e < static_cast<std::int32_t>(edge_.size()); ++e) {
-    const auto [low, high] = edge_[e];
-    row_of(low).push_back({e, matrix.Slot(low, high), false});
-    row_of(high).push_back({e, matrix.Slot(high, low), true});
-  }
-  row_start_.assign(1, 0);
-  row_entry_.clear();
-  diagonal_slot_.clear();
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    row_entry_.insert(row_entry_.end(), rows[k].begin(), rows[k].end());
-    row_start_.push_back(static_cast<std::int32_t>(row_entry_.size()));
-    diagonal_slot_.push_back(matrix.Slot(particle_[k], particle_[k]));
-  }
-}
-
-void ElasticityEffect::AddStiffness(const ForceInput& in, double stiffness_scale,
-                                    double damping_scale, BlockMatrix* matrix) const {
-  in.parallel->For(static_cast<int>(edge_.size()), kEdgeGrain, [&](int begin, int end) {
-    SumBlocks(in, stiffness_scale, damping_scale, begin, end);
-  });
-  in.parallel->For(static_cast<int>(particle_.size()), kParticleGrain, [&](int begin, int end) {
-    for (int k = begin; k < end; ++k) {
-      Mat3 diagonal = Mat3::Zero();  // minus the sum of the row's other blocks
-      for (int r = row_start_[k]; r < row_start_[k + 1]; ++r) {
-        const Mat3& block = edge_block_n_m_[row_entry_[r].edge];
-        if (row_entry_[r].transposed) {
-          matrix->Add(row_entry_[r].slot, block.transpose());
-          diagonal -= block.transpose();
-        } else {
-          matrix->Add(row_entry_[r].slot, block);
-          diagonal -= block;
-        }
-      }
-      matrix->Add(diagonal_slot_[k], diagonal);
-    }
-  });
-}
-
-// Each thread evaluates every batch that has one of its edges: those of both neighbours are
-// evaluated twice, and no sum depends on where the threads' shares end.
-void ElasticityEffect::SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale,
-                                 int begin, int end) const {
-  std::fill(edge_block_n_m_.begin() + begin, edge_block_n_m_.begin() + end, Mat3::Zero());
-  const Simd simd = in.parallel->simd();
-  TetBlocks blocks;
-  for (int b = 0; b < static_cast<int>(batch_.size()); ++b) {
-    const TetBatch& batch = batch_[b];
-    if (batch.end_edge <= begin || batch.first_edge >= end) continue;
-    if (neo_hookean_) {
-      NeoHookeanStiffness(simd, batch, in.position_m, stiffness_scale, &blocks);
-      const double* recovers = &in.effect_state[kLanes * b];
-      for (int lane = 0; lane < LanesOf(b); ++lane) {
-        if (recovers[lane] == 0) continue;
-        SetRecoveryStiffness(batch, lane, in.position_m, stiffness_scale, &blocks);
-      }
-    } else {
-      TetRotations rotation;
-      std::memcpy(static_cast<void*>(rotation), &in.effect_state[4 * kLanes * b], sizeof(rotation));
-      CorotationalStiffness(simd, batch, in.position_m, stiffness_scale, rotation, &blocks);
-    }
-    if (damping_s_ > 0 && damping_scale != 0) {
-      AddDampingStiffness(simd, batch, in.position_m, damping_scale * damping_s_, &blocks);
-    }
-    for (int lane = 0; lane < LanesOf(b); ++lane) {
-      for (int pair = 0; pair < 6; ++pair) {
-        const std::int32_t e = batch.edge[pair][lane];
-        if (e < begin || e >= end) continue;
-        double* entry = edge_block_n_m_[e].data();
-        for (int k = 0; k < 9; ++k) entry[k] += blocks.entry[pair][k].v[lane];
-      }
     }
   }
 }

@@ -24,10 +24,11 @@ class ElasticityEffect : public Effect {
   void UseMatrix(const BlockMatrix& matrix) override;
   void AddStiffness(const ForceInput& in, double stiffness_scale, double damping_scale,
                     BlockMatrix* matrix) const override;
-  // Of the corotational law: the rotation of each lane, x, y, z, w. Of the neo-Hookean law: 1 while
-  // the lane's tetrahedron recovers (README.md), otherwise 0.
+  // Of the corotational law: the rotation of each lane, x, y, z, w, and where the stiffness lags
+  // behind also that of its stiffness. Of the neo-Hookean law: 1 while the lane's tetrahedron
+  // recovers (README.md), otherwise 0.
   int state_size() const override {
-    return static_cast<int>(batch_.size()) * (neo_hookean_ ? 1 : 4) * kLanes;
+    return static_cast<int>(batch_.size()) * numbers_a_lane() * kLanes;
   }
   void InitialState(std::span<double> state) const override;
 
@@ -44,12 +45,21 @@ class ElasticityEffect : public Effect {
   void SpreadRecovery(const ForceInput& in) const;
   void EvaluateNeoHookean(int batch, const ForceInput& in, TetForces* forces) const;
   void EvaluateCorotational(int batch, const ForceInput& in, TetForces* forces) const;
-  // Adds the blocks of all tetrahedra to the edges [begin, end).
+  int numbers_a_lane() const { return neo_hookean_ ? 1 : lags_ ? 8 : 4; }
+  const double* RotationsOf(int batch, const ForceInput& in) const;  // of its stiffness
+  void FindNeighbours();
+  void FindChanges(const ForceInput& in, double stiffness_scale, double damping_scale) const;
+  void EvaluateBlocks(int batch, const ForceInput& in, double stiffness_scale, double damping_scale,
+                      TetBlocks* blocks) const;
+  // Sums the blocks of tetrahedra at those of the edges [begin, end) that changed.
   void SumBlocks(const ForceInput& in, double stiffness_scale, double damping_scale, int begin,
                  int end) const;
+  void AddRows(int begin, int end, BlockMatrix* matrix) const;
 
   double damping_s_;
   bool neo_hookean_;
+  // Stiffness keeps its rotation until a tetrahedron of the batch has turned by kLag_rad from it.
+  bool lags_ = false;
   int tet_count_ = 0;
   std::vector<TetBatch> batch_;
   // Pairs of particles with a tetrahedron in common, ascending.
@@ -70,13 +80,20 @@ class ElasticityEffect : public Effect {
   std::vector<std::int32_t> row_start_;
   std::vector<RowEntry> row_entry_;
   std::vector<std::int32_t> diagonal_slot_;
+  // Batches with an edge in common with batch b, itself too: neighbour_[neighbour_start_[b] ..).
+  std::vector<std::int32_t> neighbour_start_, neighbour_;
   // Scratch of one evaluation; not part of the state.
   mutable std::vector<std::uint8_t>
       recovers_;                         // [#particles], neo-Hookean: of a tetrahedron that does
   mutable std::vector<Lanes> energy_j_;  // [#batches]
   mutable std::vector<Vec3> elastic_n_;  // [4 x #tetrahedra], for more than one thread
   mutable std::vector<Vec3> damping_n_;  // likewise, or empty
-  mutable std::vector<Mat3> edge_block_n_m_;  // [#edges], block (low, high)
+  // Sums over tetrahedra, and what they are of: they are summed anew where that has changed.
+  mutable std::vector<Mat3> edge_block_n_m_;   // [#edges], block (low, high)
+  mutable std::vector<double> summed_;         // [#batches x 4 x kLanes] rotations
+  mutable double summed_scale_ = 0;            // 0: of more than rotations
+  mutable std::vector<std::uint8_t> changed_;  // [#batches]
+  mutable std::vector<std::uint8_t> batch_counts_, edge_counts_;  // [#batches], [#edges]
 };
 
 }  // namespace adhesim

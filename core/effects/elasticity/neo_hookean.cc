@@ -177,13 +177,14 @@ struct NeoHookean : TetKernel<kWidth> {
                 h.u.m[r][0] * column[0] + h.u.m[r][1] * column[1] + h.u.m[r][2] * column[2];
           }
         }
+        V entry[9];
         for (int c = 0; c < 3; ++c) {
           for (int r = 0; r < 3; ++r) {
-            Math::Store(
-                um.m[r][0] * h.u.m[c][0] + um.m[r][1] * h.u.m[c][1] + um.m[r][2] * h.u.m[c][2],
-                &out->entry[pair][3 * c + r], first);
+            entry[3 * c + r] =
+                um.m[r][0] * h.u.m[c][0] + um.m[r][1] * h.u.m[c][1] + um.m[r][2] * h.u.m[c][2];
           }
         }
+        NeoHookean::StoreBlocks(entry, first, out->block[pair]);
       }
     }
   }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "core/effects/elasticity/tet_batch.h"
@@ -69,7 +70,7 @@ void SetRecoveryStiffness(const TetBatch& batch, int lane, std::span<const Vec3>
       const Vec3 &bi = at.b[i], &bj = at.b[j];
       const Mat3 block = lame_j / at.root * bi * bj.transpose() +
                          shear_j * (bj * bi.transpose() + bi.dot(bj) * Mat3::Identity());
-      for (int k = 0; k < 9; ++k) out->entry[pair][k].v[lane] = block.data()[k];
+      std::copy_n(block.data(), 9, out->block[pair][lane]);
     }
   }
 }

@@ -29,9 +29,9 @@ struct TetForces {
 };
 
 // Blocks K_ij [N/m] of the pairs of corners, in the order of TetBatch::edge: 3 x 3, column by
-// column.
+// column. A block's numbers lie together, since they are added to an edge's together.
 struct TetBlocks {
-  Lanes entry[6][9];
+  double block[6][kLanes][9];
 };
 
 // Rotations of the tetrahedra as quaternions x, y, z, w.
@@ -42,9 +42,9 @@ using TetRotations = Lanes[4];
 // caller finds them and calls again.
 unsigned CorotationalForces(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
                             TetRotations rotation, TetForces* out);
-// Its stiffness, times `scale`; `rotation` is a guess, and stays as it is.
-void CorotationalStiffness(Simd simd, const TetBatch& batch, std::span<const Vec3> position_m,
-                           double scale, const TetRotations& rotation, TetBlocks* out);
+// Its stiffness with these rotations, times `scale`.
+void CorotationalStiffness(Simd simd, const TetBatch& batch, double scale,
+                           const TetRotations& rotation, TetBlocks* out);
 
 // Elastic forces and energy of the neo-Hookean law, without its collapse term. Returns the lanes
 // (bits) with J < 0.2, which may have one.

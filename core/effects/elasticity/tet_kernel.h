@@ -56,6 +56,47 @@ struct TetKernel : LaneMath<kWidth> {
       Math::Store3({-force[a].x, -force[a].y, -force[a].z}, &out[a], first);
     }
   }
+
+  // One step of transposing: what two vectors have in each other's place.
+  template <int kHalf, int... kLane>
+  ADHESIM_INLINE void Exchange(V* a, V* b, std::integer_sequence<int, kLane...>) {
+    const V low = __builtin_shuffle(
+        *a, *b, typename Math::Mask{(kLane & kHalf ? kWidth + kLane - kHalf : kLane)...});
+    *b = __builtin_shuffle(
+        *a, *b, typename Math::Mask{(kLane & kHalf ? kWidth + kLane : kLane + kHalf)...});
+    *a = low;
+  }
+  template <int kHalf>
+  ADHESIM_INLINE void Transpose(V* row) {
+    for (int i = 0; i < kWidth; ++i) {
+      if (i & kHalf) continue;
+      Exchange<kHalf>(row + i, row + i + kHalf, std::make_integer_sequence<int, kWidth>());
+    }
+    if constexpr (kHalf > 1) Transpose<kHalf / 2>(row);
+  }
+  // The nine entries of a block in every lane, as one block a lane: written, or added.
+  template <bool kAdd = false>
+  ADHESIM_INLINE void StoreBlocks(V entry[9], int first, double (*block)[9]) {
+    for (int k = 0; k < 8; k += kWidth) {
+      Transpose<kWidth / 2>(entry + k);
+      for (int lane = 0; lane < kWidth; ++lane) {
+        double* to = block[first + lane] + k;
+        V v = entry[k + lane];
+        if constexpr (kAdd) {
+          V before;
+          std::memcpy(&before, to, sizeof(V));
+          v = before + v;
+        }
+        std::memcpy(to, &v, sizeof(V));
+      }
+    }
+    double last[kWidth];
+    std::memcpy(last, &entry[8], sizeof(V));
+    for (int lane = 0; lane < kWidth; ++lane) {
+      double* to = block[first + lane] + 8;
+      *to = kAdd ? *to + last[lane] : last[lane];
+    }
+  }
 };
 
 // Calls loop(width, first) for the lanes of a batch, width::value of them at a time. Loops are
