@@ -23,6 +23,9 @@ Sleeping::Sleeping(const Model& model, double reach_m)
   const double steps = std::ceil(model.sleep->time_s / model.dt_s - 1e-9);
   tired_after_ = static_cast<std::int32_t>(std::clamp(steps, 1.0, 1e9));
   tired_.reserve(root_.size());
+  const auto slides = [](const ToolModel& tool) { return tool.friction_coefficient.has_value(); };
+  rubs_ = (model.adhesive && model.adhesive->friction_coefficient) ||
+          std::any_of(model.tools.begin(), model.tools.end(), slides);
 }
 
 void Sleeping::Start(const Model& model, State* state) {
@@ -218,6 +221,8 @@ void Sleeping::Update(State* state) const {
     const int end = body.first_particle + body.particle_count;
     if (sleep.asleep[b]) {
       for (int p = body.first_particle; p < end; ++p) sleep.elastic_j += sleep.strain_energy_j[p];
+    } else if (!CanMove(static_cast<int>(b)) && !rubs_) {
+      continue;  // nothing acts on it
     } else if (!sleep.awake.empty() && sleep.awake.back().end == body.first_particle) {
       sleep.awake.back().end = end;
     } else {

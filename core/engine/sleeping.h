@@ -61,6 +61,7 @@ class Sleeping {
   std::vector<std::int32_t> root_;        // [#bodies] of its island
   std::vector<std::uint8_t> kept_awake_;  // [#bodies] by itself; at roots, of the island
   std::vector<std::int32_t> tired_;
+  bool rubs_ = false;  // friction gives what is fixed impulses to book
 };
 
 }  // namespace adhesim

@@ -162,7 +162,7 @@ struct Sleep {
   // [#bodies] steps for which nothing of it has been faster than it may.
   std::vector<std::int32_t> calm_steps;
   std::int32_t bodies = 0;           // of them sleep
-  std::vector<ParticleRange> awake;  // particles of the others, ascending
+  std::vector<ParticleRange> awake;  // particles of the others that matter, ascending
   // Of those that sleep, when they fell asleep:
   std::vector<Aabb> box_m;              // [#bodies] around it (others: of some time)
   std::vector<Vec3> load_n;             // [#particles] what contact carried

@@ -64,6 +64,10 @@ TEST(Sleeping, BodiesAtRestFallAsleepAndStayWhereTheyAre) {
   ASSERT_EQ(engine->Step({}).sleeping, 3);  // not the one that flies, and not the floor
   EXPECT_FALSE(IsAsleep(*engine, "d"));
   EXPECT_FALSE(IsAsleep(*engine, "floor"));
+  int looked_at = 0;
+  for (const ParticleRange& range : engine->state().sleep.awake)
+    looked_at += range.end - range.begin;
+  EXPECT_EQ(looked_at, 42);  // of the one that flies
   const std::vector<Vec3> before = engine->state().position_m;
   const Frame frame = engine->MakeFrame();
   StepMany(engine.get(), 100);
