@@ -147,7 +147,8 @@ Json RunReportJson(const Engine& engine, const RunOptions& options, const RunSta
                  {"particles", model.particle_count()},
                  {"triangles", model.triangles.size()},
                  {"finite", !engine.frozen()},
-                 {"sleeping", false}};  // no body ever does: figures are of all of them
+                 {"sleeping", model.sleep.has_value()}};  // false: figures are of all bodies
+  if (model.sleep) report["bodies_asleep"] = engine.state().sleep.bodies;
   if (engine.frozen()) report["frozen_because"] = engine.FrozenBecause();
   if (!model.tetrahedra.empty()) report["tetrahedra"] = model.tetrahedra.size();
   if (statistics.interrupted) report["interrupted"] = true;

@@ -114,7 +114,7 @@ void Adhesive::DropReleased(std::span<const NearPair> near, std::span<const Near
   auto pair = near.begin();
   auto end = edge_near_.begin();
   for (const ReleasedPair& released : contacts->released) {
-    if (released.other < 0) {
+    if (released.other < 0 || Sleeps(released.particle) || (sleep_ && sleep_->Of(released.other))) {
       kept_.push_back(released);
       continue;
     }

@@ -46,6 +46,9 @@ class Adhesive {
 
   explicit Adhesive(const Model& model);
 
+  // Bonds and released pairs of bodies that sleep stay as they are.
+  void LeaveOut(const Sleep* sleep) { sleep_ = sleep; }
+
   // [#particles] the zone of those particles whose edges need no looking at against edges of the
   // same zone: nothing brings them nearer, and no end waits for having been further apart. -1: of
   // all others.
@@ -199,7 +202,16 @@ class Adhesive {
   void AddReleased(int particle, int other, double gap_m, Contacts* contacts);
   const ReleasedPair* FindReleased(const Contacts& contacts, int particle, int other) const;
 
+  // Of a particle's body; null: nothing sleeps.
+  bool Sleeps(int particle) const { return sleep_ && sleep_->Of(model_.body_of[particle]); }
+  // What holds one that sleeps is held by it, or by what is fixed.
+  bool Sleeps(const Bond& bond) const {
+    return sleep_ && sleep_->bodies > 0 && bond.tool < 0 &&
+           (Sleeps(bond.particle) || Sleeps(model_.triangles[bond.triangle][0]));
+  }
+
   const Model& model_;
+  const Sleep* sleep_ = nullptr;
   double capture_distance_m_ = 0;
   double release_distance_m_ = 0;
   std::vector<double> mesh_area_m2_;  // [#bodies]

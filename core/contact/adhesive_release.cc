@@ -42,7 +42,7 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
   }
   if (!patches_.empty()) CollectPatches(contacts);
   for (const Bond& bond : contacts.bonds) {
-    if (bond.sliding || bond.tied) continue;
+    if (bond.sliding || bond.tied || Sleeps(bond)) continue;
     const Vec3 normal = BondNormal(bond, state);
     const double scale = bond.tool >= 0 ? strength_scale[bond.tool] : 1;
     // Both ends of an edge share its normal as the corners share theirs.
@@ -172,6 +172,7 @@ int Adhesive::Release(std::span<const Vec3> load_n, std::span<const TieLoad> tie
   bond_verdict_.assign(contacts->bonds.size(), 0);
   int released = ReleaseTies(tie_load, state, chance_s, *contacts);
   for (Zone& zone : contacts->zones) {
+    if (zone.asleep) continue;
     zone.load = 0;
     if (!LetsGoInPatches(zone)) released += ReleaseParticles(load_n, chance_s, *contacts, &zone);
   }
@@ -197,7 +198,7 @@ int Adhesive::Release(std::span<const Vec3> load_n, std::span<const TieLoad> tie
 void Adhesive::RemoveReleased(Contacts* contacts) {
   for (std::size_t b = 0; b < contacts->bonds.size(); ++b) {
     Bond& bond = contacts->bonds[b];
-    if (bond.sliding) continue;
+    if (bond.sliding || Sleeps(bond)) continue;
     const int body = model_.body_of[model_.triangles[bond.triangle][0]];
     if (bond.tied) {
       if (bond_verdict_[b] != kLetsGo) continue;
@@ -249,7 +250,7 @@ int Adhesive::DropApart(std::span<const Vec3> position_m, Contacts* contacts) co
   // Where zones neither begin after a move nor are taken apart by corrections.
   const bool keeps_gaps = !slides() && !contacts->overlapping;
   return static_cast<int>(std::erase_if(contacts->bonds, [&](const Bond& bond) {
-    if (bond.tool >= 0 || bond.sliding) return false;
+    if (bond.tool >= 0 || bond.sliding || Sleeps(bond)) return false;
     // Where all that matters moves as one, so does the gap: all that has any weight, or members.
     if (keeps_gaps && MoveAsOne(*contacts, bond.triangle, Vec3(bond.weights.data()), bond.particle,
                                 bond.partner >= 0 ? bond.partner : bond.particle)) {

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/awake.h"
+
 namespace adhesim {
 namespace {
 
@@ -37,6 +39,7 @@ BodyPairs::BodyPairs(const Model& model, double reach_m, double skin_m, bool own
       reference_m_(model.rest_position_m),
       motion_(model.bodies.size()),
       renewed_(model.bodies.size()),
+      settled_(model.bodies.size()),
       roomy_(model.bodies.size()),
       broad_(std::make_unique<Broad>()),
       regions_(kRegionsPerParticle * model.rest_position_m.size() + 4096),
@@ -60,18 +63,16 @@ BodyPairs::~BodyPairs() = default;
 void BodyPairs::Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report) {
   any_stale_ = false;
   if (!base_m_.empty()) {
-    double most_sq = 0;
-    for (std::size_t p = 0; p < position_m.size(); ++p) {
-      most_sq = std::max(most_sq, (position_m[p] - base_m_[p]).squaredNorm());
-    }
-    drift_m_ = std::sqrt(most_sq);
+    drift_m_ = std::sqrt(MostMovedSq(position_m));
     if (2 * drift_m_ <= kReserve * skin_m_) return;
   }
   base_m_.assign(position_m.begin(), position_m.end());
   drift_m_ = 0;
   const int bodies = static_cast<int>(trees_.size());
   parallel->For(bodies, kGrain, [&](int begin, int end) {
-    for (int b = begin; b < end; ++b) MeasureMotion(b, position_m);
+    for (int b = begin; b < end; ++b) {
+      if (!Settled(b)) MeasureMotion(b, position_m);
+    }
   });
   std::fill(renewed_.begin(), renewed_.end(), 0);
   for (BodyPair& pair : pairs_) {
@@ -91,6 +92,7 @@ void BodyPairs::Update(std::span<const Vec3> position_m, Parallel* parallel, Ste
     }
   });
   MeasureRegions(position_m, parallel);
+  for (int b = 0; sleep_ && b < bodies; ++b) settled_[b] = Sleeps(b);
   for (BodyPair& pair : pairs_) {
     const BodyPair& reverse = pairs_[pair.reverse];
     // The same bits for both of the pair: their lists are renewed together.
@@ -103,8 +105,21 @@ void BodyPairs::Update(std::span<const Vec3> position_m, Parallel* parallel, Ste
   if (any_stale_) FindRegions(position_m, report);
 }
 
+double BodyPairs::MostMovedSq(std::span<const Vec3> position_m) const {
+  static const Sleep kNone;
+  double most_sq = 0;
+  for (const auto& [begin, end] :
+       AwakeRanges(static_cast<int>(position_m.size()), sleep_ ? *sleep_ : kNone)) {
+    for (int p = begin; p < end; ++p) {
+      most_sq = std::max(most_sq, (position_m[p] - base_m_[p]).squaredNorm());
+    }
+  }
+  return most_sq;
+}
+
 bool BodyPairs::AllInRoomyBoxes() const {
   for (int b = 0; b < static_cast<int>(trees_.size()); ++b) {
+    if (Settled(b)) continue;
     const Aabb now = BoxNow(b).Grown(0.5 * (reach_m_ + kReserve * skin_m_));
     if (!roomy_[b].Contains(now.min) || !roomy_[b].Contains(now.max)) return false;
   }
@@ -116,7 +131,7 @@ void BodyPairs::MeasureRegions(std::span<const Vec3> position_m, Parallel* paral
     for (int k = begin; k < end; ++k) {
       BodyPair& pair = pairs_[k];
       const std::span<const NearbyParticle> region = regions_[pair.region];
-      if (pair.stale || region.empty()) continue;
+      if (pair.stale || region.empty() || MeasuredAsleep(pair)) continue;
       Vec3 mean_m = Vec3::Zero();
       for (const NearbyParticle& near : region) mean_m += position_m[near.particle] - near.listed_m;
       mean_m /= static_cast<double>(region.size());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -11,6 +12,7 @@
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/parallel.h"
+#include "core/model/state.h"
 
 namespace adhesim {
 
@@ -63,6 +65,15 @@ class BodyPairs {
   BodyPairs(const Model& model, double reach_m, double skin_m, bool own);
   ~BodyPairs();
 
+  // Bodies that sleep are not looked at; to be called again whenever one has fallen asleep.
+  void LeaveOut(const Sleep* sleep) {
+    sleep_ = sleep;
+    base_m_.clear();
+    std::fill(settled_.begin(), settled_.end(), 0);
+  }
+  // Neither of the two moves: nothing new can be found between them.
+  bool BothStill(const BodyPair& pair) const { return Still(pair.body) && Still(pair.other); }
+
   // Renews references and pairs, marks what is stale and finds its regions. Report bit:
   // kStepCandidateCapacity.
   void Update(std::span<const Vec3> position_m, Parallel* parallel, StepReport* report);
@@ -90,6 +101,14 @@ class BodyPairs {
 
  private:
   struct Broad;  // FCL's manager and its objects
+  bool Sleeps(int body) const { return sleep_ && sleep_->Of(body); }
+  bool Still(int body) const { return Sleeps(body) || model_.bodies[body].all_fixed; }
+  // Asleep since it was looked at closely.
+  bool Settled(int body) const { return settled_[body] && Sleeps(body); }
+  bool MeasuredAsleep(const BodyPair& pair) const {
+    return BothStill(pair) && (Settled(pair.body) || Settled(pair.other));
+  }
+  double MostMovedSq(std::span<const Vec3> position_m) const;
   void MeasureMotion(int body, std::span<const Vec3> position_m);
   void RenewReference(int body, std::span<const Vec3> position_m);
   bool AllInRoomyBoxes() const;
@@ -107,6 +126,8 @@ class BodyPairs {
   std::vector<Vec3> reference_m_;   // [#particles]
   std::vector<BodyMotion> motion_;  // [#bodies]
   std::vector<std::uint8_t> renewed_;  // [#bodies] reference, in this update
+  std::vector<std::uint8_t> settled_;  // [#bodies] slept when all was looked at closely
+  const Sleep* sleep_ = nullptr;       // null: nothing does
   std::vector<Aabb> roomy_;            // [#bodies] boxes that the pairs come from
   std::unique_ptr<Broad> broad_;
   std::vector<BodyPair> pairs_, old_pairs_;

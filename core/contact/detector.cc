@@ -75,6 +75,11 @@ double Detector::ClosingSpeed(std::span<const Vec3> position_m, std::span<const 
                               double enough_m_s) {
   for (std::size_t b = 0; b < box_.size(); ++b) {
     const Body& body = model_.bodies[b];
+    if (sleep_ && sleep_->Of(static_cast<int>(b))) {
+      box_[b] = sleep_->box_m[b];
+      velocity_box_[b] = {Vec3::Zero(), Vec3::Zero()};
+      continue;
+    }
     box_[b] = velocity_box_[b] = Aabb{};
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       box_[b].Add(position_m[p]);
@@ -232,7 +237,7 @@ void Detector::CollectWork() {
   };
   for (const BodyPair& pair : bodies_.pairs()) {
     const double nearer_m = bodies_.nearer_m(pair);
-    if (pair.nearest_m - nearer_m > reach_m_) continue;
+    if (pair.nearest_m - nearer_m > reach_m_ || (sleep_ && bodies_.BothStill(pair))) continue;
     if (pair.body != body) {
       end_body();
       body = pair.body;

@@ -50,6 +50,14 @@ class Detector {
                                        StepReport* report);
 
   double reach_m() const { return reach_m_; }
+  // Bodies that sleep are not looked at; to be called again whenever one has fallen asleep. Null:
+  // nothing does.
+  void LeaveOut(const Sleep* sleep) {
+    sleep_ = sleep;
+    bodies_.LeaveOut(sleep);
+  }
+  // All pairs of bodies that may be within reach of each other.
+  std::span<const BodyPair> pairs() const { return bodies_.pairs(); }
   // Upper bound of the speed at which surfaces of different bodies nearer than reach_m() close in,
   // at these velocities and the positions of the last Update; `enough` or less when it is no more
   // than that.
@@ -92,6 +100,7 @@ class Detector {
   const Model& model_;
   double reach_m_;
   double skin_m_;
+  const Sleep* sleep_ = nullptr;
   BodyPairs bodies_;
   std::vector<Aabb> box_, velocity_box_;  // [#bodies] of ClosingSpeed
   std::vector<std::array<std::int32_t, 3>>

@@ -284,7 +284,7 @@ void EdgePairs::CollectWork(const BodyPairs& bodies, std::span<const std::int32_
   };
   work_.clear();
   for (const BodyPair& pair : bodies.pairs()) {
-    if (pair.body > pair.other) continue;
+    if (pair.body > pair.other || bodies.BothStill(pair)) continue;
     const double nearer_m = bodies.nearer_m(pair);
     for (const Candidate& candidate : candidates_[pair.edges]) {
       // By distance: what was further apart cannot be in reach, nor what follows.

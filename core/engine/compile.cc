@@ -37,6 +37,7 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
   if (absl::Status status = pipeline->CompileEffects(); !status.ok()) return status;
   if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
   if (absl::Status status = pipeline->CompileTools(); !status.ok()) return status;
+  if (absl::Status status = pipeline->CompileSleep(); !status.ok()) return status;
   pipeline->CompileRungs();
   pipeline->NameStages();
   pipeline->MakeStartState();
@@ -289,6 +290,7 @@ void Pipeline::Restore(const State& state) {
   solver_->Forget();
   if (implicit_) implicit_->Forget();
   if (force_error_) force_error_->Forget();
+  if (sleeping_) RestoreSleep();
 }
 
 }  // namespace adhesim

@@ -89,6 +89,12 @@ void FrameWriter::WriteForces(const State& state, std::span<const Vec3> load_n,
   }
   std::fill(energy_j_.begin(), energy_j_.end(), 0.0);
   for (const Effect* effect : elastic_) effect->AddEnergies(energy_j_);
+  for (std::size_t b = 0; b < model_.bodies.size() && !energy_j_.empty(); ++b) {
+    if (!state.sleep.Of(static_cast<int>(b))) continue;
+    std::copy_n(state.sleep.strain_energy_j.begin() + model_.bodies[b].first_particle,
+                model_.bodies[b].particle_count,
+                energy_j_.begin() + model_.bodies[b].first_particle);
+  }
   std::copy(energy_j_.begin(), energy_j_.end(), frame->strain_energy_j.begin());
 
   if (model_.adhesive) contact_frames_.Write(state, load_n, &frame->contacts);

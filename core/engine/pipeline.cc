@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/awake.h"
 #include "core/model/carried.h"
 
 namespace adhesim {
@@ -22,7 +23,7 @@ absl::StatusOr<std::unique_ptr<Engine>> Engine::Create(std::shared_ptr<const Mod
 }
 
 StepReport Pipeline::Step(std::span<const ToolInput> tools) {
-  if (frozen_) return {kStepNonFinite, 0, 0};
+  if (frozen_) return {kStepNonFinite, 0, 0, state_.sleep.bodies};
   clock_.BeginStep();
   report_ = {};
   SetTargets(tools);
@@ -31,7 +32,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
   std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
-  for (int k = 0; k < substeps; ++k) Substep(dt_s);
+  for (int k = 0; k < substeps; ++k) Substep(dt_s, k == 0);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
     state_.tools[t].tissue = {tool_impulse_[t].force_n * per_s, tool_impulse_[t].torque_nm * per_s};
@@ -39,6 +40,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
                                 coupling_impulse_[t].torque_nm * per_s};
   }
   has_forces_ = true;
+  report_.sleeping = state_.sleep.bodies;
   ++state_.step;
   state_.time_s = static_cast<double>(state_.step) * model_->dt_s;
   if (!Finite()) {
@@ -101,7 +103,10 @@ Twist Pipeline::ComingTwist(int t) const {
 int Pipeline::SubstepsNow() {
   if (!detector_) return substeps_;
   Aabb velocities;
-  for (const Vec3& v : state_.velocity_m_s) velocities.Add(v);
+  for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
+    for (int p = begin; p < end; ++p) velocities.Add(state_.velocity_m_s[p]);
+  }
+  if (state_.sleep.bodies > 0) velocities.Add(Vec3(Vec3::Zero()));
   double turning_m_s = 0;  // of a tool's far end about its tip
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const ToolState& tool = state_.tools[t];
@@ -149,10 +154,11 @@ int Pipeline::SubstepsNow() {
   return substeps;
 }
 
-void Pipeline::Substep(double dt_s) {
+void Pipeline::Substep(double dt_s, bool first) {
   if (state_.contacts.overlapping && overlap_) Separate();
   if (detector_) DetectAndCapture(dt_s);
   EvaluateForces();
+  if (sleeping_ && first) FallAsleep();
   if (tool_set_) {
     MoveTools(dt_s);
     clock_.Lap(tools_stage_);
@@ -176,6 +182,7 @@ void Pipeline::Substep(double dt_s) {
 
 void Pipeline::DetectAndCapture(double dt_s) {
   detector_->Update(state_.position_m, &parallel_, &report_);
+  if (sleeping_) Wake();
   const Search search = NextSearch();
   if (search.particles) near_ = detector_->Find(state_.position_m, &parallel_);
   if (search.edges) FindNearEdges();
@@ -213,6 +220,10 @@ void Pipeline::EndSliding() {
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
 void Pipeline::Separate() {
+  if (sleeping_) {
+    sleeping_->WakeAll(&state_);
+    solver_->Forget();
+  }
   state_.contacts.overlapping = !overlap_->Find(state_.position_m).empty();
   if (!state_.contacts.overlapping) return;
   report_.bits |= kStepOverlap;
@@ -226,19 +237,24 @@ void Pipeline::Separate() {
 }
 
 double Pipeline::AddAllForces() {
-  for (auto& force : force_n_) std::fill(force.begin(), force.end(), Vec3::Zero());
+  for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
+    for (auto& force : force_n_) {
+      if (!force.empty()) std::fill(force.begin() + begin, force.begin() + end, Vec3::Zero());
+    }
+  }
   std::fill(implicit_damping_n_.begin(), implicit_damping_n_.end(), Vec3::Zero());
   const ForceOutput out{force_n_[0], force_n_[1], force_n_[2], force_n_[3]};
-  double elastic_j = 0;
+  double elastic_j = state_.sleep.elastic_j;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     if (effects_[e]->force_kinds() == 0) continue;
-    const ForceInput in{
+    ForceInput in{
         state_.position_m,
         state_.velocity_m_s,
         state_.time_s,
         std::span(state_.effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
         &parallel_,
         near_};
+    in.asleep = state_.sleep.asleep;
     ForceOutput to = out;
     if (IsImplicit(*effects_[e])) to.damping = implicit_damping_n_;
     elastic_j += effects_[e]->AddForces(in, to);
@@ -254,9 +270,11 @@ double Pipeline::AddAllForces() {
 
 void Pipeline::EvaluateForces() {
   BookElastic(AddAllForces(), &state_);
-  std::fill(total_force_n_.begin(), total_force_n_.end(), Vec3::Zero());
-  for (const auto& force : force_n_) {
-    for (std::size_t p = 0; p < force.size(); ++p) total_force_n_[p] += force[p];
+  for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
+    std::fill(total_force_n_.begin() + begin, total_force_n_.begin() + end, Vec3::Zero());
+    for (const auto& force : force_n_) {
+      for (int p = begin; p < end && !force.empty(); ++p) total_force_n_[p] += force[p];
+    }
   }
 }
 
@@ -390,7 +408,9 @@ void Pipeline::Solve(double dt_s) {
 
 bool Pipeline::Finite() const {
   double sum = state_.ledger.kinetic_j;
-  for (const Vec3& x : state_.position_m) sum += x.sum();
+  for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
+    for (int p = begin; p < end; ++p) sum += state_.position_m[p].sum();
+  }
   for (const ToolState& tool : state_.tools)
     sum += tool.pose.position_m.sum() + tool.tissue.force_n.sum();
   return std::isfinite(sum);

@@ -11,6 +11,7 @@
 #include "core/engine/engine.h"
 #include "core/engine/frame_writer.h"
 #include "core/engine/freeze_cause.h"
+#include "core/engine/sleeping.h"
 #include "core/engine/stage_clock.h"
 #include "core/engine/state_hash.h"
 #include "core/engine/tool_contacts.h"
@@ -59,6 +60,7 @@ class Pipeline : public Engine {
   void CompileContact();
   void CompileRungs();
   absl::Status CompileTools();
+  absl::Status CompileSleep();
   absl::Status ChooseSubsteps();
   void NameStages();
   Engine::Stage EffectStage(std::size_t effect) const;
@@ -69,7 +71,7 @@ class Pipeline : public Engine {
   Mat6 CarriedInertia(int tool, Vec6* momentum) const;
   void MeetTools();
   void SetTargets(std::span<const ToolInput> tools);
-  void Substep(double dt_s);
+  void Substep(double dt_s, bool first);
   void Separate();
   void DetectAndCapture(double dt_s);
   void ScaleStrengths();
@@ -83,6 +85,7 @@ class Pipeline : public Engine {
     adhesive_->Tie(state_.position_m, &state_.contacts);
     zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
     if (meets_tools) MeetTools();
+    if (sleeping_) sleeping_->MarkZones(&state_);
     solver_->Capture(&state_, tool_impulse_);
   }
   // Which lists of what is near a sub-step makes anew; the other one is of the sub-step before.
@@ -91,6 +94,11 @@ class Pipeline : public Engine {
   };
   Search NextSearch();
   void EndSliding();
+  std::span<const Aabb> ToolBoxes();
+  void Wake();
+  void FallAsleep();
+  void LeaveOutSleepers();
+  void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();
   double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
@@ -126,7 +134,8 @@ class Pipeline : public Engine {
   std::unique_ptr<Overlap> overlap_;  // null without an adhesive
   std::vector<Vec3> before_m_;        // [#particles] likewise empty
   std::unique_ptr<ZoneBuilder> zone_builder_;
-  std::unique_ptr<ToolSet> tool_set_;  // null without tools
+  std::unique_ptr<Sleeping> sleeping_;  // null where nothing may sleep
+  std::unique_ptr<ToolSet> tool_set_;   // null without tools
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
   std::unique_ptr<ImplicitSolver> implicit_;  // null where every force is explicit
@@ -146,6 +155,8 @@ class Pipeline : public Engine {
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
   std::vector<std::uint8_t> retracted_;     // [#tools]
+  std::vector<Aabb> tool_box_;              // [#tools] of those that may touch
+  std::vector<double> strain_energy_j_;     // [#particles] of what falls asleep
   std::span<const NearPair> near_;          // of this sub-step
   std::span<const NearEdges> near_edges_;   // of this sub-step
   bool zones_parted_ = false;               // zones have lost members since near_edges_ were found

@@ -60,6 +60,9 @@ std::uint64_t HashState(const State& state) {
   hash.Add(std::span(state.velocity_m_s));
   hash.Add(std::span(state.velocity_change_m_s));
   hash.Add(std::span(state.effect_state));
+  for (std::size_t b = 0; b < state.sleep.asleep.size(); ++b) {
+    hash.Add((static_cast<std::uint64_t>(state.sleep.calm_steps[b]) << 1) | state.sleep.asleep[b]);
+  }
   if (state.contacts.draws > 0) hash.Add(state.contacts.draws);
   for (const Zone& zone : state.contacts.zones) {
     hash.Add(static_cast<std::uint64_t>(zone.id));

@@ -33,6 +33,9 @@ struct ForceInput {
   // An evaluation beside the step's own, such as of positions that an iteration tries: what
   // remembers the past must not change.
   bool trial = false;
+  // [#bodies] those that are left out; empty: none.
+  std::span<const std::uint8_t> asleep = {};
+  bool Sleeps(int body) const { return !asleep.empty() && asleep[body]; }
 };
 
 // Where forces go: N, [#particles], already zero before the first effect adds to them. Only the
@@ -62,6 +65,10 @@ class Effect {
   virtual ~Effect() = default;
   // The name of its field in the scene's Effect message.
   virtual std::string_view name() const = 0;
+
+  // True: it acts within bodies only, not by the time, and leaves out those that sleep
+  // (ForceInput::asleep): no force, no energy, no constraint of theirs.
+  virtual bool lets_sleep() const { return false; }
 
   // --- Forces.
   // ForceKind bits that AddForces writes.
@@ -101,11 +108,13 @@ class Effect {
 
   // --- Constraints.
   virtual std::span<const ConstraintRow> constraints() const { return {}; }
-  // One residual a row.
+  // One residual a row. `asleep` as in ForceInput: their rows are left as they are.
   virtual void ConstraintResiduals(std::span<const Vec3> position_m,
+                                   std::span<const std::uint8_t> asleep,
                                    std::span<double> residual) const {}
   // The rows' gradients, each written into its particles of [#particles].
   virtual void ConstraintGradients(std::span<const Vec3> position_m,
+                                   std::span<const std::uint8_t> asleep,
                                    std::span<Vec3> gradient) const {}
 };
 

@@ -82,6 +82,7 @@ struct StepReport {
   std::uint32_t bits = 0;     // StepBit
   std::int32_t captures = 0;  // bonds made
   std::int32_t releases = 0;  // particles that let go
+  std::int32_t sleeping = 0;  // bodies asleep at its end
 };
 
 // The state as it leaves the engine after a step: immutable once published. All arrays are sized at

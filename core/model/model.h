@@ -113,6 +113,12 @@ struct AdhesiveParameters {
   bool ties = false;                            // deformable bodies: points instead of zones
 };
 
+// When bodies fall asleep; absent: never.
+struct SleepParameters {
+  double speed_m_s;  // nothing of them has been faster
+  double time_s;     // for so long
+};
+
 // Everything about a scene that does not change while it runs. Const after loading.
 struct Model {
   std::string name;
@@ -123,6 +129,7 @@ struct Model {
   double tolerance = 0.01;   // of the implicit solver: relative residual
   int max_iterations = 200;  // and its limit
   std::uint64_t seed = 1;
+  std::optional<SleepParameters> sleep;
 
   std::vector<Body> bodies;
   // Particles [#particles].

@@ -89,7 +89,9 @@ struct Zone {
   Vec3 centre_m = Vec3::Zero();         // centre of mass
   Vec3 momentum_kg_m_s = Vec3::Zero();  // P
   Vec3 angular_momentum_kg_m2_s = Vec3::Zero();  // L about `centre_m`
-  double load = 0;  // largest member load over its strength in the last sub-step
+  double load = 0;              // largest member load over its strength in the last sub-step
+  bool holds_sleepers = false;  // some of its members' bodies sleep: it does not move
+  bool asleep = false;          // all of them that can move do
 };
 
 // All contact that evolves. Capacities are reserved at load.
@@ -148,6 +150,28 @@ struct MomentumLedger {
   double scale_angular = 0;  // max of sum |r| m |v|
 };
 
+// Particles [begin, end).
+struct ParticleRange {
+  std::int32_t begin = 0, end = 0;
+};
+
+// Which bodies sleep (docs/decisions/0019): they have no velocity, and no stage looks at them. All
+// arrays are empty where the scene lets nothing sleep.
+struct Sleep {
+  std::vector<std::uint8_t> asleep;  // [#bodies]
+  // [#bodies] steps for which nothing of it has been faster than it may.
+  std::vector<std::int32_t> calm_steps;
+  std::int32_t bodies = 0;           // of them sleep
+  std::vector<ParticleRange> awake;  // particles of the others that matter, ascending
+  // Of those that sleep, when they fell asleep:
+  std::vector<Aabb> box_m;              // [#bodies] around it (others: of some time)
+  std::vector<Vec3> load_n;             // [#particles] what contact carried
+  std::vector<double> strain_energy_j;  // [#particles] shares of the elastic energy
+  double elastic_j = 0;                 // and their sum
+
+  bool Of(int body) const { return bodies > 0 && asleep[body]; }
+};
+
 // Everything that evolves: one copyable value. Snapshot, reset and history are copies of it.
 struct State {
   std::uint64_t step = 0;
@@ -160,6 +184,7 @@ struct State {
       effect_state;              // what effects declared (rotations, damage); each knows its part
   Contacts contacts;             // written by `zones` and `solve`
   std::vector<ToolState> tools;  // [#tools] written by `tools` and `move`
+  Sleep sleep;                   // written by `detect` (wakes) and `forces` (falls asleep)
   Ledger ledger;
   MomentumLedger momentum;
 };

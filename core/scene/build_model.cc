@@ -310,6 +310,9 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   model->integrator = IntegratorOf(scene);
   model->tolerance = NumberOf(scene.integration(), "tolerance");
   model->max_iterations = static_cast<int>(NumberOf(scene.integration(), "max_iterations"));
+  if (scene.has_sleep() && scene.sleep().enabled()) {
+    model->sleep = {NumberOf(scene.sleep(), "speed_m_s"), NumberOf(scene.sleep(), "time_s")};
+  }
   model->seed =
       scene.has_seed() ? scene.seed() : static_cast<std::uint64_t>(NumberOf(scene, "seed"));
   for (int i = 0; i < scene.bodies_size(); ++i) {

@@ -3,24 +3,29 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/awake.h"
 #include "core/solve/subspace_solver.h"
 
 namespace adhesim {
 namespace {
 
-double KineticEnergy(const Model& model, std::span<const Vec3> velocity_m_s) {
+double KineticEnergy(const Model& model, std::span<const Vec3> velocity_m_s,
+                     const AwakeRanges& awake) {
   double twice = 0;
-  for (int p = 0; p < model.particle_count(); ++p)
-    twice += model.mass_kg[p] * velocity_m_s[p].squaredNorm();
+  for (const auto& [begin, end] : awake) {
+    for (int p = begin; p < end; ++p) twice += model.mass_kg[p] * velocity_m_s[p].squaredNorm();
+  }
   return 0.5 * twice;
 }
 
 void UpdateScales(const Model& model, State* state) {
   double linear = 0, angular = 0;
-  for (int p = 0; p < model.particle_count(); ++p) {
-    const double momentum = model.mass_kg[p] * state->velocity_m_s[p].norm();
-    linear += momentum;
-    angular += state->position_m[p].norm() * momentum;
+  for (const auto& [begin, end] : AwakeRanges(model.particle_count(), state->sleep)) {
+    for (int p = begin; p < end; ++p) {
+      const double momentum = model.mass_kg[p] * state->velocity_m_s[p].norm();
+      linear += momentum;
+      angular += state->position_m[p].norm() * momentum;
+    }
   }
   state->momentum.scale_linear = std::max(state->momentum.scale_linear, linear);
   state->momentum.scale_angular = std::max(state->momentum.scale_angular, angular);
@@ -58,7 +63,8 @@ double DrivenTurn(const RigidGroup& group) {
 void OpenLedgers(const Model& model, State* state) {
   state->ledger = {};
   state->momentum = {};
-  state->ledger.kinetic_j = KineticEnergy(model, state->velocity_m_s);
+  const AwakeRanges awake(model.particle_count(), state->sleep);
+  state->ledger.kinetic_j = KineticEnergy(model, state->velocity_m_s, awake);
   for (int p = 0; p < model.particle_count(); ++p) {
     const Vec3 momentum = model.mass_kg[p] * state->velocity_m_s[p];
     state->momentum.initial_linear += momentum;
@@ -91,6 +97,20 @@ void BookCorrection(const Model& model, std::span<const Vec3> before_m, double e
   AddImpulses(moved, state);
 }
 
+void BookSleep(const Model& model, const Body& body, State* state) {
+  Impulses got;
+  double twice_loss = 0;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    const Vec3 momentum = model.mass_kg[p] * state->velocity_m_s[p];
+    twice_loss += momentum.dot(state->velocity_m_s[p]);
+    got.linear -= momentum;
+    got.angular -= state->position_m[p].cross(momentum);
+  }
+  AddImpulses(got, state);
+  state->ledger.captured_j += 0.5 * twice_loss;
+  state->ledger.kinetic_j -= 0.5 * twice_loss;
+}
+
 // An orthogonal projection in the metric of the masses: T' - T = -1/2 |v' - v|_M^2 plus the work of
 // tools, whose impulse on a member is m (v' - v) less what the constraints gave it.
 void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
@@ -99,19 +119,22 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
   const std::span<const Vec3> after = solver.kicked_velocity_m_s();
   Impulses sum;
   double twice_loss = 0;
-  for (int p = 0; p < model.particle_count(); ++p) {
-    twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
-    if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
-      const Vec3 impulse = -solver.ConstraintImpulse(p) - solver.TieImpulse(p);
-      sum.linear += impulse;
-      sum.angular += state->position_m[p].cross(impulse);
+  const AwakeRanges awake(model.particle_count(), state->sleep);
+  for (const auto& [begin, end] : awake) {
+    for (int p = begin; p < end; ++p) {
+      twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
+      if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+        const Vec3 impulse = -solver.ConstraintImpulse(p) - solver.TieImpulse(p);
+        sum.linear += impulse;
+        sum.angular += state->position_m[p].cross(impulse);
+      }
     }
   }
   double tool_work = 0;
   for (std::size_t z = 0; z < state->contacts.zones.size(); ++z) {
     const Zone& zone = state->contacts.zones[z];
     const RigidGroup& group = solver.groups()[z];
-    if (zone.pins == 0 && !group.driven()) continue;
+    if (zone.asleep || (zone.pins == 0 && !group.driven())) continue;
     Held got;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state->contacts.zone_members[k];
@@ -134,7 +157,7 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
   ledger.captured_j += 0.5 * twice_loss;
   ledger.tool_work_j += tool_work;
   ledger.abs_tool_j += std::abs(tool_work);
-  const double kinetic = KineticEnergy(model, after);
+  const double kinetic = KineticEnergy(model, after, awake);
   ledger.worst_j =
       std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - tool_work + 0.5 * twice_loss));
   ledger.kinetic_j = kinetic;
@@ -151,17 +174,20 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   const std::span<const Vec3> kicked = solver.kicked_velocity_m_s();
   const std::span<const Vec3> moved_x = solver.moved_position_m(),
                               moved_v = solver.moved_velocity_m_s();
-  const int count = model.particle_count();
+  const AwakeRanges awake(model.particle_count(), state->sleep);
 
   // Work of forces: dt f . (v + v') / 2.
   std::array<double, kForceKinds> work{};
   for (int kind = 0; kind < kForceKinds; ++kind) {
     if (forces[kind].empty()) continue;
     double twice = 0;
-    for (int p = 0; p < count; ++p) twice += forces[kind][p].dot(v[p] + kicked[p]);
+    for (const auto& [begin, end] : awake) {
+      for (int p = begin; p < end; ++p) twice += forces[kind][p].dot(v[p] + kicked[p]);
+    }
     work[kind] = 0.5 * dt_s * twice;
-    if ((1u << kind) & (kField | kDrag)) {
-      for (int p = 0; p < count; ++p) {
+    if (!((1u << kind) & (kField | kDrag))) continue;
+    for (const auto& [begin, end] : awake) {
+      for (int p = begin; p < end; ++p) {
         got.linear += dt_s * forces[kind][p];
         got.angular += x[p].cross(Vec3(dt_s * forces[kind][p]));
       }
@@ -176,14 +202,16 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   // Impulses of the constraints, of sliding contacts and of ties, and what fixed particles outside
   // zones take.
   double volume = 0, sliding = 0, ties = 0;
-  for (int p = 0; p < count; ++p) {
-    const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
-    volume += 0.5 * constraint.dot(v[p] + kicked[p]);
-    sliding += 0.5 * contact.dot(v[p] + kicked[p]);
-    if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
-      const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact - solver.TieImpulse(p);
-      got.linear += impulse;
-      got.angular += x[p].cross(impulse);
+  for (const auto& [begin, end] : awake) {
+    for (int p = begin; p < end; ++p) {
+      const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
+      volume += 0.5 * constraint.dot(v[p] + kicked[p]);
+      sliding += 0.5 * contact.dot(v[p] + kicked[p]);
+      if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+        const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact - solver.TieImpulse(p);
+        got.linear += impulse;
+        got.angular += x[p].cross(impulse);
+      }
     }
   }
   for (int p : solver.tied()) ties += 0.5 * solver.TieImpulse(p).dot(v[p] + kicked[p]);
@@ -214,7 +242,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
       rotation +=
           0.5 * group.angular_momentum.dot(group.end_angular_rad_s - group.twist.angular_rad_s);
     }
-    if (zone.pins == 0 && !group.driven()) continue;
+    if (zone.asleep || (zone.pins == 0 && !group.driven())) continue;
     Held kick, turn;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
       const int p = state->contacts.zone_members[k];
@@ -243,7 +271,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
   ledger.abs_tool_j += std::abs(tool_work);
   ledger.rotation_j += rotation;
 
-  const double kinetic = KineticEnergy(model, moved_v);
+  const double kinetic = KineticEnergy(model, moved_v, awake);
   const double expected =
       elastic + damping + field + drag + volume + sliding + ties + tool_work + rotation;
   ledger.worst_j = std::max(ledger.worst_j, std::abs(kinetic - ledger.kinetic_j - expected));

@@ -35,6 +35,9 @@ void BookCorrection(const Model& model, std::span<const Vec3> before_m, double e
 void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
                  std::span<Wrench> tool_impulse);
 
+// A body that falls asleep, before its velocities are zero: the ground captures it.
+void BookSleep(const Model& model, const Body& body, State* state);
+
 // The solver's last trial, before it is accepted. Adds the impulse of the tissue on each tool,
 // about its tip at the start: N s, N m s.
 void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Vec3> total_force_n,

@@ -23,12 +23,16 @@ constexpr double kDiverged = 1e3;     // relative volume
 void SubspaceSolver::CollectRows(const State& state) {
   if (!gradients_known_) {
     for (const Effect* effect : constraints_)
-      effect->ConstraintGradients(state.position_m, gradient_);
+      effect->ConstraintGradients(state.position_m, state.sleep.asleep, gradient_);
     GiveToCarriers(model_, gradient_);
     gradients_known_ = true;
   }
   for (int r = 0; r < rows_; ++r) {
     double free = 0, all = 0;
+    if (Sleeps(state, r)) {
+      diagonal_[r] = movable_[r] = 0;
+      continue;
+    }
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
       response_[p] = gradient_[p].cwiseProduct(per_kg_[p]);
       const double mobility = gradient_[p].dot(response_[p]);
@@ -131,6 +135,7 @@ void SubspaceSolver::AddMultipliers(std::span<const double> change) {
 void SubspaceSolver::StopConstraints(const State& state) {
   for (int r = 0; r < rows_; ++r) {
     residual_[r] = 0;
+    if (Sleeps(state, r)) continue;
     for (int p = row_[r].first; p < row_[r].first + row_[r].count; ++p) {
       residual_[r] -= gradient_[p].dot(kicked_m_s_[p]);
     }
@@ -178,15 +183,17 @@ void SubspaceSolver::Extrapolate(int iteration) {
 }
 
 // Largest error of a row at moved_m_, relative; residual_ becomes the speeds that would end them.
-double SubspaceSolver::MeasureRows(double dt_s) {
+double SubspaceSolver::MeasureRows(const State& state, double dt_s) {
   int first = 0;
   for (const Effect* effect : constraints_) {
     const std::size_t count = effect->constraints().size();
-    effect->ConstraintResiduals(moved_m_, std::span(residual_).subspan(first, count));
+    effect->ConstraintResiduals(moved_m_, state.sleep.asleep,
+                                std::span(residual_).subspan(first, count));
     first += static_cast<int>(count);
   }
   double worst = 0;
   for (int r = 0; r < rows_; ++r) {
+    if (Sleeps(state, r)) residual_[r] = 0;
     const double error = std::abs(residual_[r]) / row_[r].scale;
     if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
     residual_[r] /= -dt_s;
@@ -201,7 +208,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
   double least = std::numeric_limits<double>::infinity();
   for (int iteration = 0;; ++iteration) {
     MoveAll(state, dt_s, parallel);
-    const double worst = MeasureRows(dt_s);
+    const double worst = MeasureRows(state, dt_s);
     if (worst < least) {
       least = worst;
       best_ = multiplier_;
@@ -226,10 +233,10 @@ void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
   for (int iteration = 0; iteration < kConstraintIterations && rows_ > 0; ++iteration) {
     int first = 0;
     for (const Effect* effect : constraints_) {
-      effect->ConstraintGradients(position_m, gradient_);
+      effect->ConstraintGradients(position_m, {}, gradient_);
       GiveToCarriers(model_, gradient_);
       const std::size_t count = effect->constraints().size();
-      effect->ConstraintResiduals(position_m, std::span(residual_).subspan(first, count));
+      effect->ConstraintResiduals(position_m, {}, std::span(residual_).subspan(first, count));
       first += static_cast<int>(count);
     }
     double worst = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/model/awake.h"
 #include "core/model/carried.h"
 #include "core/solve/ledger.h"
 
@@ -64,8 +65,10 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
 void SubspaceSolver::MakeParts() {
   for (int p = 0; p < model_.particle_count(); ++p) {
     const int row = row_of_.empty() ? -1 : row_of_[p];
-    if (parts_.empty() || parts_.back().row != row || parts_.back().count == kPartParticles) {
-      parts_.push_back({p, 0, row});
+    const int body = model_.body_of[p];
+    if (parts_.empty() || parts_.back().row != row || parts_.back().count == kPartParticles ||
+        (model_.sleep && parts_.back().body != body)) {
+      parts_.push_back({p, 0, row, body});
     }
     ++parts_.back().count;
   }
@@ -76,6 +79,10 @@ void SubspaceSolver::FormGroups(const State& state, std::span<const Twist> tool_
   groups_.clear();
   for (int z = 0; z < static_cast<int>(state.contacts.zones.size()); ++z) {
     const int tool = state.contacts.zones[z].tool;
+    if (state.contacts.zones[z].holds_sleepers) {
+      groups_.emplace_back().freedom = RigidGroup::Freedom::kLocked;
+      continue;
+    }
     groups_.push_back(RigidGroup::Of(Members(state.contacts, z), state.position_m, model_.mass_kg,
                                      model_.fixed, tool >= 0 ? &state.tools[tool].pose : nullptr));
     if (tool >= 0) groups_.back().twist = tool_twist[tool];
@@ -85,8 +92,10 @@ void SubspaceSolver::FormGroups(const State& state, std::span<const Twist> tool_
 void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   for (std::size_t t = 0; t < old_twist_.size(); ++t) old_twist_[t] = state->tools[t].twist;
   FormGroups(*state, old_twist_);
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
+  for (const auto& [begin, end] : AwakeRanges(model_.particle_count(), state->sleep)) {
+    for (int p = begin; p < end; ++p) {
+      free_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : state->velocity_m_s[p];
+    }
   }
   ProjectGroups(*state);
   ties_.Collect(*state, groups_, per_kg_, 0);
@@ -102,15 +111,20 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
   KickAll(*state);
   BookCapture(model_, *this, state, tool_impulse);
   state->velocity_m_s = kicked_m_s_;
-  StoreMomenta(state);
+  StoreMomenta(state, true);
 }
 
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, double dt_s,
                          Parallel* parallel, StepReport* report) {
-  parallel->VectorFor(model_.particle_count(), kGrain, [&](int begin, int end) {
+  parallel->VectorFor(static_cast<int>(parts_.size()), part_grain_, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);
-    for (int i = 3 * begin; i < 3 * end; ++i) free[i] = v[i] + (dt_s * per_kg[i]) * f[i];
+    for (int k = begin; k < end; ++k) {
+      const Part& part = parts_[k];
+      if (state.sleep.Of(part.body)) continue;
+      const int last = 3 * (part.first + part.count);
+      for (int i = 3 * part.first; i < last; ++i) free[i] = v[i] + (dt_s * per_kg[i]) * f[i];
+    }
   });
   ProjectGroups(state);
   if (rows_ > 0) {
@@ -138,9 +152,12 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
   for (int p : slides_.particles()) load_n_[p].setZero();
   for (int p : slides_.carried()) load_n_[p].setZero();
   for (int p : ties_.particles()) load_n_[p].setZero();
-  for (int p : state.contacts.zone_members) {
-    const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
-    load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
+  for (const Zone& zone : state.contacts.zones) {
+    for (int p : Members(state.contacts, zone)) {
+      if (zone.holds_sleepers && state.sleep.Of(model_.body_of[p])) continue;  // the last one stays
+      const Vec3 change = model_.mass_kg[p] * (moved_velocity_m_s_[p] - state.velocity_m_s[p]);
+      load_n_[p] = force_n[p] + (InnerImpulse(p) - change) / dt_s;
+    }
   }
   if (!model_.carried.empty()) ShareLoads(state.contacts);
   ties_.AddLoads(state, dt_s, load_n_);
@@ -149,6 +166,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
 
 void SubspaceSolver::ProjectGroups(const State& state) {
   for (std::size_t z = 0; z < groups_.size(); ++z) {
+    if (state.contacts.zones[z].asleep) continue;
     groups_[z].Project(Members(state.contacts, static_cast<int>(z)), state.position_m,
                        model_.mass_kg, free_m_s_);
   }
@@ -157,6 +175,7 @@ void SubspaceSolver::ProjectGroups(const State& state) {
 // Velocities from the free ones, the multipliers and the groups' twists.
 void SubspaceSolver::KickAll(const State& state) {
   for (const Part& part : parts_) {
+    if (state.sleep.Of(part.body)) continue;
     const double multiplier = part.row < 0 ? 0 : multiplier_[part.row];
     const double *free = Flat(free_m_s_), *response = Flat(response_);
     double* kicked = Flat(kicked_m_s_);
@@ -165,6 +184,7 @@ void SubspaceSolver::KickAll(const State& state) {
     }
   }
   for (std::size_t z = 0; z < groups_.size(); ++z) {
+    if (state.contacts.zones[z].asleep) continue;
     for (int p : Members(state.contacts, static_cast<int>(z))) {
       kicked_m_s_[p] = model_.fixed[p] ? Vec3::Zero() : groups_[z].VelocityAt(state.position_m[p]);
     }
@@ -179,6 +199,7 @@ void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel
     double* moved = Flat(moved_m_);
     for (int k = begin; k < end; ++k) {
       const Part& part = parts_[k];
+      if (state.sleep.Of(part.body)) continue;
       const double multiplier = part.row < 0 ? 0 : multiplier_[part.row];
       for (int i = 3 * part.first; i < 3 * (part.first + part.count); ++i) {
         moved[i] = x[i] + dt_s * (part.row < 0 ? free[i] : free[i] + multiplier * response[i]);
@@ -186,6 +207,7 @@ void SubspaceSolver::MoveAll(const State& state, double dt_s, Parallel* parallel
     }
   });
   for (std::size_t z = 0; z < groups_.size(); ++z) {
+    if (state.contacts.zones[z].asleep) continue;
     groups_[z].Move(dt_s);
     for (int p : Members(state.contacts, static_cast<int>(z))) {
       if (!model_.fixed[p]) moved_m_[p] = groups_[z].MovedPosition(state.position_m[p]);
@@ -199,6 +221,7 @@ void SubspaceSolver::FinishMove(const State& state) {
   KickAll(state);
   moved_velocity_m_s_ = kicked_m_s_;
   for (std::size_t z = 0; z < groups_.size(); ++z) {
+    if (state.contacts.zones[z].asleep) continue;
     for (int p : Members(state.contacts, static_cast<int>(z))) {
       if (!model_.fixed[p]) moved_velocity_m_s_[p] = groups_[z].MovedVelocity(moved_m_[p]);
     }
@@ -225,6 +248,19 @@ void SubspaceSolver::ShareLoads(const Contacts& contacts) {
   });
 }
 
+void SubspaceSolver::LeaveOut(const State& state) {
+  gradients_known_ = false;
+  for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+    if (!state.sleep.Of(static_cast<int>(b))) continue;
+    const Body& body = model_.bodies[b];
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      moved_m_[p] = state.position_m[p];
+      for (auto* array : {&free_m_s_, &kicked_m_s_, &moved_velocity_m_s_}) (*array)[p].setZero();
+      load_n_[p] = state.sleep.load_n[p];
+    }
+  }
+}
+
 void SubspaceSolver::Accept(State* state, double dt_s) {
   slid_ = {};
   if (!slides_.empty()) {
@@ -236,11 +272,12 @@ void SubspaceSolver::Accept(State* state, double dt_s) {
   ties_.Store(dt_s, &state->contacts);
   state->position_m.swap(moved_m_);
   state->velocity_m_s.swap(moved_velocity_m_s_);
-  StoreMomenta(state);
+  StoreMomenta(state, false);
 }
 
-void SubspaceSolver::StoreMomenta(State* state) const {
+void SubspaceSolver::StoreMomenta(State* state, bool sleepers) const {
   for (Zone& zone : state->contacts.zones) {
+    if (zone.asleep && !sleepers) continue;
     const std::span<const std::int32_t> members =
         std::span(state->contacts.zone_members).subspan(zone.first, zone.count);
     double mass = 0;

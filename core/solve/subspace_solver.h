@@ -51,6 +51,8 @@ class SubspaceSolver {
 
   // To be called when positions have changed otherwise.
   void Forget() { gradients_known_ = false; }
+  // What sleeps has changed: from now on what `state` says is left where it is.
+  void LeaveOut(const State& state);
 
   // Meets the constraints by moving free particles, without touching velocities.
   void CorrectPositions(std::span<Vec3> position_m);
@@ -94,12 +96,16 @@ class SubspaceSolver {
   // Consecutive particles on which the same row acts, or none (-1).
   struct Part {
     std::int32_t first, count, row;
+    std::int32_t body;  // where bodies may sleep, of all of them
   };
   void MakeParts();
-  void StoreMomenta(State* state) const;
+  void StoreMomenta(State* state, bool sleepers) const;
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
   void CollectRows(const State& state);
+  bool Sleeps(const State& state, int row) const {
+    return state.sleep.Of(model_.body_of[row_[row].first]);
+  }
   void StopConstraints(const State& state);
   void MeetSlides(const State& state);
   double SlidingWork(const State& state) const;
@@ -110,7 +116,7 @@ class SubspaceSolver {
   void AddTies(const State& state);
   void MeetAll(const State& state, StepReport* report);
   void MeetConstraints(const State& state, double dt_s, Parallel* parallel, StepReport* report);
-  double MeasureRows(double dt_s);
+  double MeasureRows(const State& state, double dt_s);
   void MoveAll(const State& state, double dt_s, Parallel* parallel);
   void FinishMove(const State& state);
   void ShareLoads(const Contacts& contacts);
@@ -118,9 +124,11 @@ class SubspaceSolver {
   void SolveRows(std::span<const double> rhs, std::span<double> x);
   void ApplyRows(std::span<const double> x, std::span<double> y) const;
   void AddMultipliers(std::span<const double> change);
-  std::span<const std::int32_t> Members(const Contacts& contacts, int zone) const {
-    return {contacts.zone_members.data() + contacts.zones[zone].first,
-            static_cast<std::size_t>(contacts.zones[zone].count)};
+  static std::span<const std::int32_t> Members(const Contacts& contacts, const Zone& zone) {
+    return {contacts.zone_members.data() + zone.first, static_cast<std::size_t>(zone.count)};
+  }
+  static std::span<const std::int32_t> Members(const Contacts& contacts, int zone) {
+    return Members(contacts, contacts.zones[zone]);
   }
 
   const Model& model_;

@@ -216,16 +216,16 @@ TEST_P(EffectBattery, ConstraintGradientIsTheDerivativeOfItsResidual) {
   Deform(0.05);
   std::vector<double> up(effect_->constraints().size()), down = up;
   std::vector<Vec3> gradient(x_.size(), Vec3::Zero());
-  effect_->ConstraintGradients(x_, gradient);
+  effect_->ConstraintGradients(x_, {}, gradient);
   EXPECT_LT(Sum(gradient).norm(), 1e-13);
   EXPECT_LT(Moment(gradient).norm(), 1e-13);
   const double h = 1e-5;
   for (int p : {0, 42, 100}) {
     for (int k = 0; k < 3; ++k) {
       x_[p](k) += h;
-      effect_->ConstraintResiduals(x_, up);
+      effect_->ConstraintResiduals(x_, {}, up);
       x_[p](k) -= 2 * h;
-      effect_->ConstraintResiduals(x_, down);
+      effect_->ConstraintResiduals(x_, {}, down);
       x_[p](k) += h;
       EXPECT_NEAR(gradient[p](k), (up[0] - down[0]) / (2 * h),
                   1e-10);  // the volume is cubic: error h^2

@@ -11,6 +11,7 @@ DragEffect::DragEffect(const Model& model, const v1::Drag& message)
 
 double DragEffect::AddForces(const ForceInput& in, const ForceOutput& out) const {
   for (int b : bodies_) {
+    if (in.Sleeps(b)) continue;
     const Body& body = model_.bodies[b];
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       out.drag[p] -= (rate_per_s_ * model_.mass_kg[p]) * in.velocity_m_s[p];

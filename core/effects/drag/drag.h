@@ -13,6 +13,7 @@ class DragEffect : public Effect {
   DragEffect(const Model& model, const v1::Drag& message);
 
   std::string_view name() const override { return "drag"; }
+  bool lets_sleep() const override { return true; }
   unsigned force_kinds() const override { return kDrag; }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override;
   void AddBounds(std::span<double> stiffness_n_m, std::span<double> damping_n_s_m) const override;

@@ -13,6 +13,7 @@ class DryingEffect : public Effect {
   DryingEffect(const Model& model, const v1::Drying& message);
 
   std::string_view name() const override { return "drying"; }
+  bool lets_sleep() const override { return true; }  // what holds only grows stronger
   bool scales_strengths() const override { return true; }
   void ScaleStrengths(double time_s, std::span<Bond> bonds) const override;
 

@@ -13,7 +13,9 @@ constexpr int kGrain = 512;  // clusters: about 50 us of work
 }  // namespace
 
 CentreForm::CentreForm(const Model& model, const v1::ShapeMemory& message)
-    : stiffness_n_m_(message.stiffness_n_m()), damping_n_s_m_(message.damping_n_s_m()) {
+    : model_(model),
+      stiffness_n_m_(message.stiffness_n_m()),
+      damping_n_s_m_(message.damping_n_s_m()) {
   const std::vector<int> bodies = SelectBodies(model, message.bodies(), [](const Body& b) {
     return !b.rigid && !b.all_fixed && b.tetrahedron_count == 0;
   });
@@ -82,10 +84,13 @@ void CentreForm::AddBounds(std::span<double> stiffness_n_m, std::span<double> da
 
 double CentreForm::AddForces(const ForceInput& in, const ForceOutput& out) const {
   in.parallel->For(cluster_count(), kGrain, [&](int begin, int end) {
-    for (int c = begin; c < end; ++c) EvaluateCluster(c, in);
+    for (int c = begin; c < end; ++c) {
+      if (!Sleeps(c, in)) EvaluateCluster(c, in);
+    }
   });
   in.parallel->For(static_cast<int>(particle_.size()), 4 * kGrain, [&](int begin, int end) {
     for (int p = begin; p < end; ++p) {
+      if (in.Sleeps(model_.body_of[particle_[p]])) continue;
       Vec3 elastic = Vec3::Zero(), damping = Vec3::Zero();
       for (int k = entry_start_[p]; k < entry_start_[p + 1]; ++k)
         elastic += entry_force_n_[entry_[k]];
@@ -98,7 +103,7 @@ double CentreForm::AddForces(const ForceInput& in, const ForceOutput& out) const
     }
   });
   double energy = 0;
-  for (double e : energy_j_) energy += e;
+  for (int c = 0; c < cluster_count(); ++c) energy += Sleeps(c, in) ? 0 : energy_j_[c];
   return energy;
 }
 

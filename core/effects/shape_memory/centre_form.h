@@ -28,6 +28,11 @@ class CentreForm : public Effect {
   void AddForce(int cluster, const Mat3& rotation, const Vec3& mean, const ForceInput& in) const;
   void AddDampingForces(int cluster, const ForceInput& in) const;
 
+  bool Sleeps(int cluster, const ForceInput& in) const {
+    return in.Sleeps(model_.body_of[member_[cluster_start_[cluster]]]);
+  }
+
+  const Model& model_;
   double stiffness_n_m_;
   double damping_n_s_m_;
   // Clusters [#particles of the bodies]; members of cluster c are entries cluster_start_[c] ..

@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kBatchGrain = 64;       // batches: about 40 us of work
 constexpr int kParticleGrain = 4096;  // particles: likewise
+constexpr int kBlockGrain = 16;       // blocks of a body each: likewise
 // Clusters whose forces are summed as soon as they are known, while the first-level cache has them.
 constexpr int kBlockClusters = 128;
 
@@ -40,10 +41,12 @@ ClusterForm::ClusterForm(const Model& model, const v1::ShapeMemory& message)
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       if (Moves(model, p)) centres.push_back(p);
     }
-    // Whole bodies: clusters of one have no particles of another.
-    if (static_cast<int>(centres.size()) >= kBlockClusters) AddBlock(model, &centres);
+    // Whole bodies: clusters of one have no particles of another. What may sleep is apart.
+    if (static_cast<int>(centres.size()) >= kBlockClusters || (model.sleep && !centres.empty())) {
+      AddBlock(model, &centres);
+    }
   }
-  AddBlock(model, &centres);
+  if (!centres.empty()) AddBlock(model, &centres);
   elastic_n_.resize(entry_.size());
   if (damping_n_s_m_ > 0) damping_n_.resize(entry_.size());
   energy_j_.resize(batch_.size());
@@ -54,7 +57,8 @@ void ClusterForm::AddBlock(const Model& model, std::vector<int>* centres) {
   std::stable_sort(centres->begin(), centres->end(),
                    [&](int p, int q) { return ClusterSize(model, p) < ClusterSize(model, q); });
   const int first_entry = static_cast<int>(entry_.size());
-  Block block{static_cast<int>(batch_.size()), 0, static_cast<int>(particle_.size()), 0};
+  Block block{static_cast<int>(batch_.size()), 0, static_cast<int>(particle_.size()), 0, -1};
+  if (!centres->empty()) block.body = model.body_of[centres->back()];
   for (std::size_t first = 0; first < centres->size(); first += kLanes) {
     AddBatch(model, std::span(*centres).subspan(
                         first, std::min<std::size_t>(kLanes, centres->size() - first)));
@@ -136,6 +140,7 @@ void ClusterForm::AddBounds(std::span<double> stiffness_n_m,
 }
 
 double ClusterForm::AddForces(const ForceInput& in, const ForceOutput& out) const {
+  if (!in.asleep.empty()) return AddForcesOfAwake(in, out);
   const auto evaluate = [&](int begin, int end) {
     for (int b = begin; b < end; ++b) EvaluateBatch(b, in);
   };
@@ -155,6 +160,28 @@ double ClusterForm::AddForces(const ForceInput& in, const ForceOutput& out) cons
   double energy = 0;
   for (const Lanes& lanes : energy_j_) {
     for (double e : lanes.v) energy += e;
+  }
+  return energy;
+}
+
+// Block by block, each of one body: the same bits for any number of threads.
+double ClusterForm::AddForcesOfAwake(const ForceInput& in, const ForceOutput& out) const {
+  in.parallel->For(static_cast<int>(block_.size()), kBlockGrain, [&](int begin, int end) {
+    for (int k = begin; k < end; ++k) {
+      const Block& block = block_[k];
+      if (in.asleep[block.body]) continue;
+      for (int b = block.first_batch; b < block.end_batch; ++b) EvaluateBatch(b, in);
+      SumForces(elastic_n_, block.first_particle, block.end_particle, out.elastic);
+      if (damping_n_s_m_ <= 0) continue;
+      SumForces(damping_n_, block.first_particle, block.end_particle, out.damping);
+    }
+  });
+  double energy = 0;
+  for (const Block& block : block_) {
+    if (in.asleep[block.body]) continue;
+    for (int b = block.first_batch; b < block.end_batch; ++b) {
+      for (double e : energy_j_[b].v) energy += e;
+    }
   }
   return energy;
 }

@@ -29,12 +29,14 @@ class ClusterForm : public Effect {
   struct Block {
     int first_batch, end_batch;
     int first_particle, end_particle;  // into particle_
+    int body;                          // the last of them: where bodies may sleep, the only one
   };
   static constexpr int kSlotStride = 3 * kLanes;  // numbers of an entry's force
   // Makes a block of the clusters around these particles, and empties the list.
   void AddBlock(const Model& model, std::vector<int>* centres);
   void AddBatch(const Model& model, std::span<const int> particles);
   void CollectSlots(int first_entry);
+  double AddForcesOfAwake(const ForceInput& in, const ForceOutput& out) const;
   // Adds to each particle_[begin..end) its forces of all clusters.
   void SumForces(const std::vector<Lanes3>& entries, int begin, int end,
                  std::span<Vec3> force_n) const;

@@ -13,6 +13,7 @@ class ShapeMemoryEffect : public Effect {
   ShapeMemoryEffect(const Model& model, const v1::ShapeMemory& message);
 
   std::string_view name() const override { return "shape_memory"; }
+  bool lets_sleep() const override { return true; }
   unsigned force_kinds() const override { return form_->force_kinds(); }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override {
     return form_->AddForces(in, out);

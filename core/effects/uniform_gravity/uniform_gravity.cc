@@ -11,6 +11,7 @@ UniformGravityEffect::UniformGravityEffect(const Model& model, const v1::Uniform
 
 double UniformGravityEffect::AddForces(const ForceInput& in, const ForceOutput& out) const {
   for (int b : bodies_) {
+    if (in.Sleeps(b)) continue;
     const Body& body = model_.bodies[b];
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       out.field[p] += model_.mass_kg[p] * acceleration_m_s2_;

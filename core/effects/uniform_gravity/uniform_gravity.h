@@ -12,6 +12,7 @@ class UniformGravityEffect : public Effect {
   UniformGravityEffect(const Model& model, const v1::UniformGravity& message);
 
   std::string_view name() const override { return "uniform_gravity"; }
+  bool lets_sleep() const override { return true; }
   unsigned force_kinds() const override { return kField; }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override;
 

@@ -18,16 +18,20 @@ VolumePreservationEffect::VolumePreservationEffect(const Model& model,
 }
 
 void VolumePreservationEffect::ConstraintResiduals(std::span<const Vec3> position_m,
+                                                   std::span<const std::uint8_t> asleep,
                                                    std::span<double> residual) const {
   for (std::size_t r = 0; r < bodies_.size(); ++r) {
+    if (!asleep.empty() && asleep[bodies_[r]]) continue;
     const Body& body = model_.bodies[bodies_[r]];
     residual[r] = EnclosedVolume(model_, body, position_m) - body.rest_volume_m3;
   }
 }
 
 void VolumePreservationEffect::ConstraintGradients(std::span<const Vec3> position_m,
+                                                   std::span<const std::uint8_t> asleep,
                                                    std::span<Vec3> gradient) const {
   for (int b : bodies_) {
+    if (!asleep.empty() && asleep[b]) continue;
     const Body& body = model_.bodies[b];
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       gradient[p].setZero();

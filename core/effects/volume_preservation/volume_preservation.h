@@ -15,10 +15,11 @@ class VolumePreservationEffect : public Effect {
   VolumePreservationEffect(const Model& model, const v1::VolumePreservation& message);
 
   std::string_view name() const override { return "volume_preservation"; }
+  bool lets_sleep() const override { return true; }
   std::span<const ConstraintRow> constraints() const override { return rows_; }
-  void ConstraintResiduals(std::span<const Vec3> position_m,
+  void ConstraintResiduals(std::span<const Vec3> position_m, std::span<const std::uint8_t> asleep,
                            std::span<double> residual) const override;
-  void ConstraintGradients(std::span<const Vec3> position_m,
+  void ConstraintGradients(std::span<const Vec3> position_m, std::span<const std::uint8_t> asleep,
                            std::span<Vec3> gradient) const override;
 
  private:

@@ -1,0 +1,251 @@
+#include "core/engine/sleeping.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/model/awake.h"
+
+namespace adhesim {
+namespace {
+
+// Fixed particles that are this near to a line, relative to its length, leave a turn about it.
+constexpr double kOnLine = 1e-6;
+
+std::span<const std::int32_t> Members(const Contacts& contacts, const Zone& zone) {
+  return std::span(contacts.zone_members).subspan(zone.first, zone.count);
+}
+
+}  // namespace
+
+Sleeping::Sleeping(const Model& model, double reach_m)
+    : model_(model), reach_m_(reach_m), root_(model.bodies.size()), kept_awake_(root_.size()) {
+  const double steps = std::ceil(model.sleep->time_s / model.dt_s - 1e-9);
+  tired_after_ = static_cast<std::int32_t>(std::clamp(steps, 1.0, 1e9));
+  tired_.reserve(root_.size());
+  const auto slides = [](const ToolModel& tool) { return tool.friction_coefficient.has_value(); };
+  rubs_ = (model.adhesive && model.adhesive->friction_coefficient) ||
+          std::any_of(model.tools.begin(), model.tools.end(), slides);
+}
+
+void Sleeping::Start(const Model& model, State* state) {
+  const std::size_t bodies = model.bodies.size();
+  Sleep& sleep = state->sleep;
+  sleep.asleep.assign(bodies, 0);
+  sleep.calm_steps.assign(bodies, 0);
+  sleep.awake.assign(1, {0, model.particle_count()});
+  sleep.box_m.assign(bodies, Aabb{});
+  sleep.load_n.assign(model.rest_position_m.size(), Vec3::Zero());
+  sleep.strain_energy_j.assign(model.rest_position_m.size(), 0);
+}
+
+void Sleeping::Reserve(const Model& model, State* state) {
+  state->sleep.awake.reserve(model.bodies.size() + 1);
+}
+
+void Sleeping::MeasureBoxes(State* state) const {
+  for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+    if (state->sleep.asleep[b]) continue;
+    const Body& body = model_.bodies[b];
+    Aabb& box = state->sleep.box_m[b];
+    box = {};
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      box.Add(state->position_m[p]);
+    }
+  }
+}
+
+bool Sleeping::Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools, State* state) {
+  Sleep& sleep = state->sleep;
+  if (sleep.bodies == 0) return false;
+  MeasureBoxes(state);
+  const int before = sleep.bodies;
+  const auto wake = [&](int body) {
+    if (!sleep.asleep[body]) return;
+    sleep.asleep[body] = 0;
+    sleep.calm_steps[body] = 0;
+    --sleep.bodies;
+  };
+  for (const Aabb& tool : tools) {
+    const Aabb near = tool.Grown(reach_m_);
+    for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+      if (sleep.asleep[b] && near.Overlaps(sleep.box_m[b])) wake(static_cast<int>(b));
+    }
+  }
+  for (int left = before + 1; left != sleep.bodies;) {
+    left = sleep.bodies;
+    for (const BodyPair& pair : pairs) {
+      if (sleep.asleep[pair.body] == sleep.asleep[pair.other] || pair.body > pair.other) continue;
+      if (!CanMove(pair.body) || !CanMove(pair.other) || !Near(sleep, pair.body, pair.other)) {
+        continue;
+      }
+      wake(pair.body);
+      wake(pair.other);
+    }
+    for (const Zone& zone : state->contacts.zones) {
+      if (!zone.holds_sleepers || zone.asleep) continue;
+      if (PinsLock(state->contacts, zone, state->position_m)) continue;
+      for (int p : Members(state->contacts, zone)) wake(model_.body_of[p]);
+    }
+  }
+  if (sleep.bodies == before) return false;
+  Update(state);
+  return true;
+}
+
+void Sleeping::WakeAll(State* state) {
+  if (state->sleep.bodies == 0) return;
+  std::fill(state->sleep.asleep.begin(), state->sleep.asleep.end(), 0);
+  std::fill(state->sleep.calm_steps.begin(), state->sleep.calm_steps.end(), 0);
+  state->sleep.bodies = 0;
+  Update(state);
+}
+
+// Three fixed particles that are not on a line leave a zone no motion.
+bool Sleeping::PinsLock(const Contacts& contacts, const Zone& zone,
+                        std::span<const Vec3> position_m) const {
+  if (zone.pins < 3) return false;
+  const Vec3* first = nullptr;
+  Vec3 along = Vec3::Zero();
+  for (int p : Members(contacts, zone)) {
+    if (!model_.fixed[p]) continue;
+    if (!first) first = &position_m[p];
+    const Vec3 to = position_m[p] - *first;
+    if (along.isZero(0)) {
+      along = to;
+    } else if (along.cross(to).norm() > kOnLine * along.squaredNorm()) {
+      return true;
+    }
+  }
+  return false;
+}
+
+std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
+                                             std::span<const Aabb> tools, State* state) {
+  Sleep& sleep = state->sleep;
+  tired_.clear();
+  const double speed_sq = model_.sleep->speed_m_s * model_.sleep->speed_m_s;
+  bool any = false;
+  for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+    if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
+    const Body& body = model_.bodies[b];
+    bool calm = true;
+    const int end = body.first_particle + body.particle_count;
+    for (int p = body.first_particle; calm && p < end; ++p) {
+      calm = state->velocity_m_s[p].squaredNorm() <= speed_sq;
+    }
+    sleep.calm_steps[b] = calm ? std::min(sleep.calm_steps[b] + 1, tired_after_) : 0;
+    any = any || sleep.calm_steps[b] == tired_after_;
+  }
+  if (!any || state->contacts.overlapping) return tired_;
+  MeasureBoxes(state);
+  KeepAwake(state->contacts, tools, sleep);
+  Join(pairs, *state);
+  for (std::size_t b = 0; b < root_.size(); ++b) {
+    if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
+    if (!kept_awake_[Root(static_cast<int>(b))]) tired_.push_back(static_cast<std::int32_t>(b));
+  }
+  return tired_;
+}
+
+// What keeps a body awake besides its own motion.
+void Sleeping::KeepAwake(const Contacts& contacts, std::span<const Aabb> tools,
+                         const Sleep& sleep) {
+  for (std::size_t b = 0; b < root_.size(); ++b) {
+    kept_awake_[b] = sleep.calm_steps[b] < tired_after_;
+    for (const Aabb& tool : tools) {
+      kept_awake_[b] |= tool.Grown(reach_m_).Overlaps(sleep.box_m[b]);
+    }
+  }
+  for (const Bond& bond : contacts.bonds) {
+    if (bond.tool < 0 && !bond.sliding) continue;
+    if (bond.particle >= 0) kept_awake_[model_.body_of[bond.particle]] = 1;
+    kept_awake_[model_.body_of[model_.triangles[bond.triangle][0]]] = 1;
+  }
+}
+
+// Islands of what is awake.
+void Sleeping::Join(std::span<const BodyPair> pairs, const State& state) {
+  std::iota(root_.begin(), root_.end(), 0);
+  const auto joins = [&](int body) { return !state.sleep.asleep[body] && CanMove(body); };
+  for (const BodyPair& pair : pairs) {
+    if (pair.body >= pair.other || !joins(pair.body) || !joins(pair.other)) continue;
+    if (Near(state.sleep, pair.body, pair.other)) Unite(pair.body, pair.other);
+  }
+  for (const Zone& zone : state.contacts.zones) {
+    if (zone.asleep || PinsLock(state.contacts, zone, state.position_m)) continue;
+    int first = -1;
+    for (int p : Members(state.contacts, zone)) {
+      const int body = model_.body_of[p];
+      if (!joins(body)) continue;
+      if (first >= 0) Unite(first, body);
+      first = body;
+    }
+  }
+}
+
+int Sleeping::Root(int body) {
+  while (root_[body] != body) body = root_[body] = root_[root_[body]];
+  return body;
+}
+
+void Sleeping::Unite(int a, int b) {
+  a = Root(a);
+  b = Root(b);
+  root_[std::max(a, b)] = std::min(a, b);
+  kept_awake_[std::min(a, b)] |= kept_awake_[std::max(a, b)];
+}
+
+void Sleeping::PutToSleep(std::span<const std::int32_t> bodies, std::span<const Vec3> load_n,
+                          std::span<const double> strain_energy_j, State* state) {
+  Sleep& sleep = state->sleep;
+  for (int b : bodies) {
+    sleep.asleep[b] = 1;
+    ++sleep.bodies;
+    const Body& body = model_.bodies[b];
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      sleep.load_n[p] = load_n[p];
+      sleep.strain_energy_j[p] = strain_energy_j.empty() ? 0 : strain_energy_j[p];
+    }
+  }
+  Update(state);
+}
+
+// What follows from who sleeps.
+void Sleeping::Update(State* state) const {
+  Sleep& sleep = state->sleep;
+  sleep.awake.clear();
+  sleep.elastic_j = 0;
+  for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+    const Body& body = model_.bodies[b];
+    const int end = body.first_particle + body.particle_count;
+    if (sleep.asleep[b]) {
+      for (int p = body.first_particle; p < end; ++p) sleep.elastic_j += sleep.strain_energy_j[p];
+    } else if (!CanMove(static_cast<int>(b)) && !rubs_) {
+      continue;  // nothing acts on it
+    } else if (!sleep.awake.empty() && sleep.awake.back().end == body.first_particle) {
+      sleep.awake.back().end = end;
+    } else {
+      sleep.awake.push_back({body.first_particle, end});
+    }
+  }
+  MarkZones(state);
+}
+
+void Sleeping::MarkZones(State* state) const {
+  for (Zone& zone : state->contacts.zones) {
+    bool sleepers = false, others = false;
+    for (int p : Members(state->contacts, zone)) {
+      const int body = model_.body_of[p];
+      sleepers = sleepers || state->sleep.Of(body);
+      others = others || (!state->sleep.Of(body) && CanMove(body));
+    }
+    zone.holds_sleepers = sleepers;
+    zone.asleep = sleepers && !others;
+    if (!zone.asleep) continue;
+    zone.momentum_kg_m_s.setZero();
+    zone.angular_momentum_kg_m2_s.setZero();
+  }
+}
+
+}  // namespace adhesim
