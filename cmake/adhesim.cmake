@@ -65,5 +65,5 @@ function(adhesim_test name)
   add_dependencies(adhesim_tests ${name})
   include(GoogleTest)
   gtest_discover_tests(${name} TEST_PREFIX "${prefix}" DISCOVERY_TIMEOUT 60
-                       PROPERTIES TIMEOUT 600 LABELS "${arg_LABELS}" ENVIRONMENT "${environment}")
+                       PROPERTIES LABELS "${arg_LABELS}" ENVIRONMENT "${environment}")
 endfunction()
