@@ -144,6 +144,25 @@ TEST(Replay, GivesTheSameHashesAsTheSession) {
   }
 }
 
+// Contacts whose age is their strength, with a reset while they dry.
+TEST(Replay, GivesTheSameHashesWhereTheAdhesiveDries) {
+  const std::string path = TempPath("drying.mcap");
+  const auto engine = [] {
+    return test::EngineOf(test::NeedleScene(test::kPressAndPull) +
+                          "  - drying: {gain: 2, time_constant_s: 0.1}\n");
+  };
+  DrivenSession session(path, engine());
+  session.Drive(kSanitized ? 130 : 900);
+  session.Do(Session::CommandKind::kReset);
+  session.Drive(kSanitized ? 130 : 500);
+  const std::uint64_t hash = session.End();
+  for (const int threads : {1, 2}) {
+    const ReplayResult result = Verify(path, threads);
+    EXPECT_FALSE(result.difference) << "step " << result.difference->index;
+    EXPECT_EQ(result.final_hash, hash);
+  }
+}
+
 TEST(Replay, GivesTheSameHashesAfterRealTimePausesAndResumes) {
   const std::string path = TempPath("live.mcap");
   std::uint64_t hash = 0;
