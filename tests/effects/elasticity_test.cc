@@ -220,7 +220,7 @@ Tissue LaggingTissue() {
   return Tissue(model);
 }
 
-TEST(Corotational, StiffnessTurnsAlongOnceATetrahedronHasTurnedByAFiftieth) {
+TEST(Corotational, StiffnessTurnsAlongOnceATetrahedronHasTurnedByAMilliradian) {
   Tissue tissue = LaggingTissue();
   tissue.Evaluate();
   const Eigen::MatrixXd rest = tissue.Stiffness(1, 0);
@@ -230,10 +230,10 @@ TEST(Corotational, StiffnessTurnsAlongOnceATetrahedronHasTurnedByAFiftieth) {
     tissue.Evaluate();
     return tissue.Stiffness(1, 0);
   };
-  EXPECT_EQ(turned(0.0199), rest);
-  // The square of its angle is told to round-off, some 1e-13 of 4e-4.
-  const Eigen::MatrixXd after = turned(0.0201);
-  const Mat3 turn = Eigen::AngleAxisd(0.0201, Vec3(0.6, 0, 0.8)).toRotationMatrix();
+  EXPECT_EQ(turned(0.00099), rest);
+  // The square of its angle is told to round-off, some 1e-13 of 1e-6.
+  const Eigen::MatrixXd after = turned(0.00101);
+  const Mat3 turn = Eigen::AngleAxisd(0.00101, Vec3(0.6, 0, 0.8)).toRotationMatrix();
   for (int i = 0; i < 6; ++i) {
     for (int j = 0; j < 6; ++j) {
       const Mat3 expected = turn * rest.block<3, 3>(3 * i, 3 * j) * turn.transpose();

@@ -14,7 +14,7 @@ constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
 
 // Angle by which a tetrahedron may have turned before its stiffness turns along (decision 20).
-constexpr double kLag_rad = 0.02;
+constexpr double kLag_rad = 0.001;
 
 // |F - R| at which a tetrahedron that was inside out has its shape again: the two laws then differ
 // by about this part of its energy and force.
