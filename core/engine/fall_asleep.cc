@@ -3,6 +3,7 @@
 #include <absl/strings/str_cat.h>
 
 #include <algorithm>
+#include <bit>
 
 #include "core/engine/pipeline.h"
 
@@ -26,7 +27,7 @@ absl::Status Pipeline::CompileSleep() {
         absl::StrCat(effect_path_[e],
                      " acts on bodies at rest, or does not say what it leaves out (permitted "
                      "with sleep: volume_preservation, shape_memory, uniform_gravity, drag, "
-                     "drying, virtual_adhesive)"));
+                     "drying with a gain of 1 or more, virtual_adhesive)"));
   }
   sleeping_ = std::make_unique<Sleeping>(*model_, detector_ ? detector_->reach_m() : 0);
   tool_box_.reserve(model_->tools.size());
@@ -56,7 +57,8 @@ void Pipeline::Wake() {
 void Pipeline::FallAsleep() {
   std::span<const BodyPair> pairs;
   if (detector_) pairs = detector_->pairs();
-  const std::span<const std::int32_t> tired = sleeping_->Tire(pairs, ToolBoxes(), &state_);
+  const std::span<const Vec3> field_n = force_n_[std::countr_zero(std::uint32_t{kField})];
+  const std::span<const std::int32_t> tired = sleeping_->Tire(pairs, ToolBoxes(), field_n, &state_);
   if (tired.empty()) return;
   std::fill(strain_energy_j_.begin(), strain_energy_j_.end(), 0.0);
   for (const auto& effect : effects_) {

@@ -20,9 +20,12 @@ std::span<const std::int32_t> Members(const Contacts& contacts, const Zone& zone
 
 Sleeping::Sleeping(const Model& model, double reach_m)
     : model_(model), reach_m_(reach_m), root_(model.bodies.size()), kept_awake_(root_.size()) {
-  const double steps = std::ceil(model.sleep->time_s / model.dt_s - 1e-9);
-  tired_after_ = static_cast<std::int32_t>(std::clamp(steps, 1.0, 1e9));
+  // One look more than steps: the first one has no time before it.
+  const double looks = std::ceil(model.sleep->time_s / model.dt_s - 1e-9) + 1;
+  tired_after_ = static_cast<std::int32_t>(std::clamp(looks, 2.0, 1e9));
   tired_.reserve(root_.size());
+  held_.resize(root_.size());
+  pulled_.resize(root_.size());
   const auto slides = [](const ToolModel& tool) { return tool.friction_coefficient.has_value(); };
   rubs_ = (model.adhesive && model.adhesive->friction_coefficient) ||
           std::any_of(model.tools.begin(), model.tools.end(), slides);
@@ -121,7 +124,8 @@ bool Sleeping::PinsLock(const Contacts& contacts, const Zone& zone,
 }
 
 std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
-                                             std::span<const Aabb> tools, State* state) {
+                                             std::span<const Aabb> tools,
+                                             std::span<const Vec3> field_n, State* state) {
   Sleep& sleep = state->sleep;
   tired_.clear();
   const double speed_sq = model_.sleep->speed_m_s * model_.sleep->speed_m_s;
@@ -141,6 +145,7 @@ std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
   MeasureBoxes(state);
   KeepAwake(state->contacts, tools, sleep);
   Join(pairs, *state);
+  KeepFallersAwake(field_n, state->contacts);
   for (std::size_t b = 0; b < root_.size(); ++b) {
     if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
     if (!kept_awake_[Root(static_cast<int>(b))]) tired_.push_back(static_cast<std::int32_t>(b));
@@ -182,6 +187,27 @@ void Sleeping::Join(std::span<const BodyPair> pairs, const State& state) {
       first = body;
     }
   }
+}
+
+// At the top of its flight everything is slow: an island that a field pulls at has to be held by
+// something that is fixed.
+void Sleeping::KeepFallersAwake(std::span<const Vec3> field_n, const Contacts& contacts) {
+  if (field_n.empty()) return;
+  std::fill(held_.begin(), held_.end(), 0);
+  std::fill(pulled_.begin(), pulled_.end(), 0);
+  for (std::size_t b = 0; b < root_.size(); ++b) {
+    const Body& body = model_.bodies[b];
+    const int root = Root(static_cast<int>(b));
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      held_[root] |= model_.fixed[p];
+      pulled_[root] |= !field_n[p].isZero(0);
+    }
+  }
+  for (const Zone& zone : contacts.zones) {
+    if (zone.pins == 0) continue;
+    for (int p : Members(contacts, zone)) held_[Root(model_.body_of[p])] = 1;
+  }
+  for (std::size_t b = 0; b < root_.size(); ++b) kept_awake_[b] |= pulled_[b] && !held_[b];
 }
 
 int Sleeping::Root(int body) {

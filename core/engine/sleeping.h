@@ -16,8 +16,8 @@ namespace adhesim {
 // Two bodies are neighbours when their boxes are within the reach of contact, or a zone that can
 // move holds both; what cannot move is nobody's neighbour. Neighbours, and theirs, are an island.
 // An island falls asleep when each of its bodies has been calm for so long, no tool is near, and
-// none of its contacts slides. A sleeper wakes when it has a neighbour that is awake or a tool is
-// near: whatever contact could see.
+// none of its contacts slides, and where a field pulls at it something fixed holds it. A sleeper
+// wakes when it has a neighbour that is awake or a tool is near: whatever contact could see.
 class Sleeping {
  public:
   // Boxes are within reach_m of each other, or not: that of contact, 0 without.
@@ -33,8 +33,9 @@ class Sleeping {
   bool Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools, State* state);
   void WakeAll(State* state);
   // Counts calm steps, once a step; returns the bodies [ascending] of islands that now fall asleep.
+  // `field_n` [#particles, or empty] are the forces from outside.
   std::span<const std::int32_t> Tire(std::span<const BodyPair> pairs, std::span<const Aabb> tools,
-                                     State* state);
+                                     std::span<const Vec3> field_n, State* state);
   // They sleep. The caller has booked and stopped them, and says what they carry.
   void PutToSleep(std::span<const std::int32_t> bodies, std::span<const Vec3> load_n,
                   std::span<const double> strain_energy_j, State* state);
@@ -51,15 +52,17 @@ class Sleeping {
   bool WakeZones(State* state) const;
   void KeepAwake(const Contacts& contacts, std::span<const Aabb> tools, const Sleep& sleep);
   void Join(std::span<const BodyPair> pairs, const State& state);
+  void KeepFallersAwake(std::span<const Vec3> field_n, const Contacts& contacts);
   int Root(int body);
   void Unite(int a, int b);
   void Update(State* state) const;
 
   const Model& model_;
   double reach_m_;
-  std::int32_t tired_after_;              // calm steps
-  std::vector<std::int32_t> root_;        // [#bodies] of its island
-  std::vector<std::uint8_t> kept_awake_;  // [#bodies] by itself; at roots, of the island
+  std::int32_t tired_after_;                 // calm looks
+  std::vector<std::int32_t> root_;           // [#bodies] of its island
+  std::vector<std::uint8_t> kept_awake_;     // [#bodies] by itself; at roots, of the island
+  std::vector<std::uint8_t> held_, pulled_;  // [#bodies] at roots, of the island
   std::vector<std::int32_t> tired_;
   bool rubs_ = false;  // friction gives what is fixed impulses to book
 };

@@ -282,6 +282,36 @@ void WarnOfWideCells(const v1::Scene& scene, const Model& model, Problems* probl
   }
 }
 
+// A patch holds one vertex of each side: where that has a long way to the next, the patch turns
+// about it and swings off.
+void WarnOfSmallPatches(const v1::Scene& scene, const Model& model, Problems* problems) {
+  if (!model.adhesive || !model.adhesive->patch_size_m) return;
+  int effect = 0;
+  while (!scene.effects(effect).has_virtual_adhesive()) ++effect;
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    const Body& body = model.bodies[b];
+    const bool is_copy = b > 0 && model.bodies[b - 1].scene_name == body.scene_name;
+    if (body.rigid || body.triangle_count == 0 || is_copy) continue;
+    double edges_m = 0;
+    for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
+      for (int k = 0; k < 3; ++k) {
+        edges_m += (model.rest_position_m[model.triangles[t][(k + 1) % 3]] -
+                    model.rest_position_m[model.triangles[t][k]])
+                       .norm();
+      }
+    }
+    const double edge_m = edges_m / (3 * body.triangle_count);
+    if (edge_m <= 2 * *model.adhesive->patch_size_m) continue;
+    problems->push_back(
+        {absl::StrCat("effects[", effect, "].virtual_adhesive.patch_size_m"),
+         absl::StrFormat("patches of %.3g m on body '%s', of which edges are %.3g m long: a patch "
+                         "holds one of its vertices, and may swing off about it; needed: edges no "
+                         "longer than twice a patch",
+                         *model.adhesive->patch_size_m, body.scene_name, edge_m),
+         /*warning=*/true});
+  }
+}
+
 bool NeedsCompliance(const Model& model) {
   return (model.adhesive && model.adhesive->work_of_adhesion_j_m2) ||
          std::any_of(model.tools.begin(), model.tools.end(),
@@ -327,6 +357,7 @@ BuiltModel BuildModel(const v1::Scene& scene, const std::string& directory) {
   CheckElasticRegions(scene, *model, &built.problems);
   if (HasError(built.problems)) return built;
   WarnOfWideCells(scene, *model, &built.problems);
+  WarnOfSmallPatches(scene, *model, &built.problems);
   BuildConnectivity(model.get());
   model->scene = scene;
   if (NeedsCompliance(*model)) model->compliance_per_pa = CompliancesOf(*model);

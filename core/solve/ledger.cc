@@ -58,6 +58,12 @@ double DrivenTurn(const RigidGroup& group) {
          0.5 * w.dot((turned - group.inertia) * w);
 }
 
+// What it takes is booked by itself: zones that sleep are not looked at.
+bool IsHeldAlone(const Model& model, const Contacts& contacts, int particle) {
+  const int z = contacts.zone_of[particle];
+  return model.fixed[particle] && (z < 0 || contacts.zones[z].asleep);
+}
+
 }  // namespace
 
 void OpenLedgers(const Model& model, State* state) {
@@ -123,7 +129,7 @@ void BookCapture(const Model& model, const SubspaceSolver& solver, State* state,
   for (const auto& [begin, end] : awake) {
     for (int p = begin; p < end; ++p) {
       twice_loss += model.mass_kg[p] * (after[p] - state->velocity_m_s[p]).squaredNorm();
-      if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+      if (IsHeldAlone(model, state->contacts, p)) {
         const Vec3 impulse = -solver.ConstraintImpulse(p) - solver.TieImpulse(p);
         sum.linear += impulse;
         sum.angular += state->position_m[p].cross(impulse);
@@ -207,7 +213,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
       const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
       volume += 0.5 * constraint.dot(v[p] + kicked[p]);
       sliding += 0.5 * contact.dot(v[p] + kicked[p]);
-      if (model.fixed[p] && state->contacts.zone_of[p] < 0) {
+      if (IsHeldAlone(model, state->contacts, p)) {
         const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact - solver.TieImpulse(p);
         got.linear += impulse;
         got.angular += x[p].cross(impulse);

@@ -244,6 +244,55 @@ TEST(Sleeping, AToolWakesWhatItComesNear) {
   EXPECT_EQ(sleeps->state().sleep.bodies, 0);  // what a tool holds does not sleep
 }
 
+// Slow is not at rest: the top of a flight, in a weak field, outlasts the time that is asked for.
+TEST(Sleeping, WhatNothingHoldsStaysAwakeWhereAFieldPulls) {
+  const auto ball = [](const std::string& gravity) {
+    return EngineOf(
+        "rate_hz: 1000\nbodies:\n"
+        "  - {name: a, icosphere: {radius_m: 0.1}, mass_kg: 1, velocity_m_s: [0, 0, 0.003]}\n"
+        "effects:\n"
+        "  - shape_memory: {stiffness_n_m: 400}\n" +
+        gravity + kSleep);
+  };
+  const auto falls = ball("  - uniform_gravity: {acceleration_m_s2: [0, 0, -0.02]}\n");
+  const auto floats = ball("");
+  for (int step = 0; step < 130; ++step) {
+    falls->Step({});
+    floats->Step({});
+    EXPECT_FALSE(IsAsleep(*falls, "a")) << step;
+    // 100 ms are over at the 101st look.
+    EXPECT_EQ(IsAsleep(*floats, "a"), step >= 100) << step;
+  }
+}
+
+// A block at rest and one that slides on the same triangles: the ground takes the friction of the
+// one while it does not look at the other. Friction and weight are impulses of 0.1 Ns, so that
+// 1e-9 of the largest is far above round-off and far below any of them.
+TEST(Sleeping, WhatSlidesBesideASleeperIsBooked) {
+  const auto engine = EngineOf(R"(
+rate_hz: 1000
+bodies:
+  - {name: floor, sheet: {length_m: 2, width_m: 2, columns: 2, rows: 2}, mass_kg: 1, fixed: [all: true]}
+  - {name: rest, block: {size_m: [0.06, 0.06, 0.03], cells: 2}, kind: rigid, mass_kg: 0.1,
+     position_m: [-0.4, 0.3, 0.0155]}
+  - {name: slide, block: {size_m: [0.06, 0.06, 0.03], cells: 2}, kind: rigid, mass_kg: 0.1,
+     position_m: [-0.3, -0.3, 0.1], velocity_m_s: [1.5, 0, 0]}
+effects:
+  - uniform_gravity: {}
+  - virtual_adhesive: {capture_distance_m: 0.002, normal_strength_pa: 0, friction_coefficient: 0.3}
+sleep: {speed_m_s: 0.005, time_s: 0.05}
+)");
+  bool beside = false;
+  for (int step = 0; step < 400; ++step) {
+    engine->Step({});
+    beside |= IsAsleep(*engine, "rest") && !engine->state().contacts.bonds.empty() && step > 200;
+  }
+  EXPECT_TRUE(beside);
+  const MomentumError momentum = MomentumBalance(engine->model(), engine->state());
+  EXPECT_LT(momentum.linear, 1e-9);
+  EXPECT_LT(momentum.angular, 1e-9);
+}
+
 TEST(Sleeping, IsRefusedWhereBodiesAtRestAreActedOn) {
   const auto refusal = [](const std::string& scene) {
     const auto engine = Engine::Create(ModelOf(scene), {});
@@ -251,6 +300,10 @@ TEST(Sleeping, IsRefusedWhereBodiesAtRestAreActedOn) {
   };
   const std::string cells = kChurningCells;
   EXPECT_NE(refusal(cells + kSleep).find("effects[2].attraction"), std::string::npos);
+  // What grows weaker would let go in its sleep.
+  EXPECT_EQ(refusal(Balls("  - drying: {gain: 2, time_constant_s: 1}\n") + kSleep), "none");
+  EXPECT_NE(refusal(Balls("  - drying: {gain: 0.5, time_constant_s: 1}\n") + kSleep).find("gain"),
+            std::string::npos);
   EXPECT_NE(refusal(RubbingCells() + kSleep).find("sleep: "), std::string::npos);
   EXPECT_NE(
       refusal(Balls(kSleep) + "integration: {integrator: INTEGRATOR_IMPLICIT}\n").find("implicit"),

@@ -184,6 +184,23 @@ TEST(BuildModel, RefusesCellsOfNoSize) {
   EXPECT_NE(ModelOf(block("2e-7, 2e-7, 2e-7")), nullptr);
 }
 
+TEST(BuildModel, WarnsOfPatchesSmallerThanTheEdgesThatTheyHoldBy) {
+  const auto warnings = [](const std::string& count) {
+    return Build("bodies { name: 'floor' sheet { length_m: 1 width_m: 1 columns: " + count +
+                 " rows: " + count +
+                 " } mass_kg: 1 fixed { all: true } } effects { virtual_adhesive { "
+                 "capture_distance_m: 0.002 normal_strength_pa: 1000 patch_size_m: 0.05 } }")
+        .problems;
+  };
+  EXPECT_TRUE(warnings("13").empty());  // 83 and 118 mm
+  const Problems problems = warnings("3");
+  ASSERT_EQ(problems.size(), 1u);
+  EXPECT_EQ(problems[0].path, "effects[0].virtual_adhesive.patch_size_m");
+  EXPECT_TRUE(problems[0].warning);
+  EXPECT_NE(problems[0].message.find("body 'floor', of which edges are 0.569 m"),
+            std::string::npos);
+}
+
 TEST(BuildModel, WarnsOfCellsWiderThanATool) {
   const auto warnings = [](int cells) {
     const BuiltModel built = Build(

@@ -13,7 +13,8 @@ class DryingEffect : public Effect {
   DryingEffect(const Model& model, const v1::Drying& message);
 
   std::string_view name() const override { return "drying"; }
-  bool lets_sleep() const override { return true; }  // what holds only grows stronger
+  // What grows weaker lets go while nothing moves.
+  bool lets_sleep() const override { return gain_ >= 1; }
   bool scales_strengths() const override { return true; }
   void ScaleStrengths(double time_s, std::span<Bond> bonds) const override;
 
