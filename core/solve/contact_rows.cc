@@ -187,7 +187,7 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
   row.bond = b;
   row.tool = bond.tool;
   BondGeometry now;
-  std::array<double, kNodes> weight;
+  std::array<double, kNodes> weight{};
   Vec3 weights;
   if (bond.tool >= 0) {
     row.point_m.setZero();

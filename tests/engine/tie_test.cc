@@ -102,7 +102,9 @@ std::unique_ptr<Engine> EvenlyPulled(const std::string& scene) {
 bool SheetsHold(const std::string& strength, double pull_pa, int rate_hz, bool shall) {
   auto engine = EvenlyPulled(TwoSheets(strength, pull_pa, rate_hz));
   engine->Step({});
-  if (shall) EXPECT_EQ(Tied(*engine), 20);  // one side's particles
+  if (shall) {
+    EXPECT_EQ(Tied(*engine), 20);  // one side's particles
+  }
   StepMany(engine.get(), rate_hz / 2);
   return Tied(*engine) > 0;
 }
@@ -232,7 +234,9 @@ TEST(Ties, TwoHalvesOfABarBecomeOneBarUnderRefinement) {
   for (const auto& [cells, limit] : limits) {
     const double whole_m = Sinks(cells, "");
     EXPECT_LT(std::abs(Sinks(cells, ", ties: true") / whole_m - 1), limit) << cells;
-    if (cells < 4) EXPECT_LT(Sinks(cells, ", ties: false") / whole_m - 1, -0.1) << cells;
+    if (cells < 4) {
+      EXPECT_LT(Sinks(cells, ", ties: false") / whole_m - 1, -0.1) << cells;
+    }
   }
 }
 
