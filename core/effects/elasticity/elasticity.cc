@@ -13,8 +13,8 @@ namespace {
 constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
 
-// Angle by which a tetrahedron may have turned before its stiffness turns along (decision 20).
-constexpr double kLag_rad = 0.001;
+// Angle [rad] by which a tetrahedron may have turned before its stiffness turns along (decision 20).
+constexpr double kLag = 0.001;
 
 // |F - R| at which a tetrahedron that was inside out has its shape again: the two laws then differ
 // by about this part of its energy and force.
@@ -287,7 +287,7 @@ void ElasticityEffect::EvaluateCorotational(int b, const ForceInput& in, TetForc
     for (int k = 0; k < 4; ++k) dot += rotation[k].v[lane] * lagging[k * kLanes + lane];
     least = std::min(least, dot * dot);
   }
-  if (!(least >= 1 - 0.25 * kLag_rad * kLag_rad)) {
+  if (!(least >= 1 - 0.25 * kLag * kLag)) {
     std::memcpy(stored + 4 * kLanes, rotation, sizeof(rotation));
   }
 }

@@ -58,7 +58,7 @@ class ElasticityEffect : public Effect {
 
   double damping_s_;
   bool neo_hookean_;
-  // Stiffness keeps its rotation until a tetrahedron of the batch has turned by kLag_rad from it.
+  // Stiffness keeps its rotation until a tetrahedron of the batch has turned by kLag from it.
   bool lags_ = false;
   int tet_count_ = 0;
   std::vector<TetBatch> batch_;

@@ -12,7 +12,6 @@ constexpr int kEdgeGrain = 1024;
 // GCC's vectors, as in core/model/lanes.h: they never cross a call.
 #pragma GCC diagnostic ignored "-Wpsabi"
 typedef double V4 __attribute__((vector_size(32)));
-typedef std::int64_t Mask4 __attribute__((vector_size(32)));
 
 // A block's nine numbers, column by column.
 struct Block {
@@ -41,8 +40,8 @@ ADHESIM_INLINE Mat3 MatrixOf(const Block& block) {
   return matrix;
 }
 ADHESIM_INLINE Block Transposed(const Block& block) {
-  return {__builtin_shuffle(block.first, block.second, Mask4{0, 3, 6, 1}),
-          __builtin_shuffle(block.first, block.second, Mask4{4, 7, 2, 5}), block.last};
+  return {__builtin_shufflevector(block.first, block.second, 0, 3, 6, 1),
+          __builtin_shufflevector(block.first, block.second, 4, 7, 2, 5), block.last};
 }
 
 }  // namespace
@@ -126,6 +125,7 @@ void ElasticityEffect::FindChanges(const ForceInput& in, double stiffness_scale,
     for (std::size_t b = 0; b < batch_.size(); ++b) {
       const double* rotation = RotationsOf(static_cast<int>(b), in);
       double* summed = &summed_[4 * kLanes * b];
+      // Bits, not values: zeros have a sign. NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
       changed_[b] = std::memcmp(summed, rotation, kBytes) != 0;
       if (!changed_[b]) continue;
       std::memcpy(summed, rotation, kBytes);

@@ -60,10 +60,9 @@ struct TetKernel : LaneMath<kWidth> {
   // One step of transposing: what two vectors have in each other's place.
   template <int kHalf, int... kLane>
   ADHESIM_INLINE void Exchange(V* a, V* b, std::integer_sequence<int, kLane...>) {
-    const V low = __builtin_shuffle(
-        *a, *b, typename Math::Mask{(kLane & kHalf ? kWidth + kLane - kHalf : kLane)...});
-    *b = __builtin_shuffle(
-        *a, *b, typename Math::Mask{(kLane & kHalf ? kWidth + kLane : kLane + kHalf)...});
+    const V low =
+        __builtin_shufflevector(*a, *b, (kLane & kHalf ? kWidth + kLane - kHalf : kLane)...);
+    *b = __builtin_shufflevector(*a, *b, (kLane & kHalf ? kWidth + kLane : kLane + kHalf)...);
     *a = low;
   }
   template <int kHalf>
