@@ -13,7 +13,8 @@ namespace {
 constexpr int kBatchGrain = 64;  // batches: about 15 us of work
 constexpr int kParticleGrain = 512;
 
-// Angle [rad] by which a tetrahedron may have turned before its stiffness turns along (decision 20).
+// Angle [rad] by which a tetrahedron may have turned before its stiffness turns along (decision
+// 20).
 constexpr double kLag = 0.001;
 
 // |F - R| at which a tetrahedron that was inside out has its shape again: the two laws then differ
