@@ -9,6 +9,7 @@
 #include "core/contact/patches.h"
 #include "core/contact/rigid_interfaces.h"
 #include "core/model/bond_geometry.h"
+#include "core/model/carried.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -225,7 +226,7 @@ class Adhesive {
   std::vector<std::int32_t> patch_members_;
   std::vector<double> crack_area_m2_;  // [#particles] of what lets go with it: the crack's step
   RigidInterfaces rigid_;
-  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
+  CarriedLookup carried_;
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool

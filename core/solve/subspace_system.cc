@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 namespace adhesim {
 namespace {
@@ -65,6 +64,7 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
   active_.assign(n, 0);
   free_.assign(n, 0);
   loose_.assign(n, 0);
+  joined_ = DisjointSets(model.bodies.size());
   component_.assign(model.bodies.size(), 0);
   stiffness_sum_.assign(model.bodies.size(), Mat3::Zero());
   balance_.assign(model.bodies.size(), Vec3::Zero());
@@ -153,23 +153,17 @@ void SubspaceSystem::FindLoose(const State& state, std::span<const RigidGroup> g
     const int zone = state.contacts.zone_of[p];
     loose_[p] = active_[p] && (zone < 0 || groups[zone].freedom == RigidGroup::Freedom::kFree);
   }
-  std::iota(component_.begin(), component_.end(), 0);
-  const auto root = [&](int body) {
-    while (component_[body] != body) body = component_[body];
-    return body;
-  };
+  joined_.Reset();
   for (const Zone& zone : contacts_zones_) {
     const auto members = members_.subspan(zone.first, zone.count);
     // The first may be carried, and then is not loose whatever its zone is.
     const auto first =
         std::find_if(members.begin(), members.end(), [&](int p) { return loose_[p]; });
     if (first == members.end()) continue;
-    for (int p : members) {
-      const int a = root(model_.body_of[*first]), b = root(model_.body_of[p]);
-      component_[std::max(a, b)] = std::min(a, b);
-    }
+    for (int p : members) joined_.Unite(model_.body_of[*first], model_.body_of[p]);
   }
-  for (int& body : component_) body = root(body);
+  for (std::size_t b = 0; b < component_.size(); ++b)
+    component_[b] = joined_.Root(static_cast<int>(b));
   // Rows of stiffness sum to zero: a row of A Z is the mass, less what is not loose.
   std::fill(stiffness_sum_.begin(), stiffness_sum_.end(), Mat3::Zero());
   for (int p = 0; p < model_.particle_count(); ++p) {

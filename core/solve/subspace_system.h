@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/model/block_matrix.h"
+#include "core/model/disjoint_sets.h"
 #include "core/model/model.h"
 #include "core/model/parallel.h"
 #include "core/model/state.h"
@@ -93,6 +94,7 @@ class SubspaceSystem {
   std::vector<std::uint8_t> active_, free_;  // [#particles]; free: active and in no zone
   // [#particles] a free particle, or a member of a zone without pins.
   std::vector<std::uint8_t> loose_;
+  DisjointSets joined_;                  // of bodies
   std::vector<std::int32_t> component_;  // [#bodies] the lowest of the bodies joined with it
   std::vector<Mat3> stiffness_sum_;      // [#bodies] Z^T A Z of a component
   mutable std::vector<Vec3> balance_;    // [#bodies]
