@@ -243,6 +243,7 @@ void Pipeline::NameStages() {
     const bool acts = effects_[e]->force_kinds() != 0 || effects_[e]->scales_strengths();
     effect_stage_.push_back(acts ? clock_.Add(EffectStage(e)) : -1);
   }
+  if (sleeping_) sleep_stage_ = clock_.Add({"sleep", "sleep", {"sleep"}, bytes_.sleep});
   if (tool_set_) tools_stage_ = clock_.Add({"tools", "tools", {"tools"}, bytes_.tools});
   solve_stage_ = clock_.Add(
       {"solve", rows ? "bodies, effects: volume_preservation" : "bodies", solve, bytes_.solve});

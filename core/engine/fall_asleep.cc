@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/engine/heap_meter.h"
 #include "core/engine/pipeline.h"
 
 namespace adhesim {
@@ -29,11 +30,13 @@ absl::Status Pipeline::CompileSleep() {
                      "with sleep: volume_preservation, shape_memory, uniform_gravity, drag, "
                      "drying with a gain of 1 or more, virtual_adhesive)"));
   }
+  HeapMeter heap;
   sleeping_ = std::make_unique<Sleeping>(*model_, detector_ ? detector_->reach_m() : 0);
   tool_box_.reserve(model_->tools.size());
   strain_energy_j_.resize(model_->rest_position_m.size());
   Sleeping::Start(*model_, &start_);
   Sleeping::Reserve(*model_, &state_);
+  bytes_.sleep = heap.Take();
   return absl::OkStatus();
 }
 

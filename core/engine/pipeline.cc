@@ -158,7 +158,10 @@ void Pipeline::Substep(double dt_s, bool first) {
   if (state_.contacts.overlapping && overlap_) Separate();
   if (detector_) DetectAndCapture(dt_s);
   EvaluateForces();
-  if (sleeping_ && first) FallAsleep();
+  if (sleeping_ && first) {
+    FallAsleep();
+    clock_.Lap(sleep_stage_);
+  }
   if (tool_set_) {
     MoveTools(dt_s);
     clock_.Lap(tools_stage_);

@@ -169,10 +169,10 @@ class Pipeline : public Engine {
   // What compiling took from the heap; of effects with their state and force arrays.
   struct StageBytes {
     std::vector<std::size_t> effects;
-    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, book = 0;
+    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, sleep = 0, book = 0;
   } bytes_;
   int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
-      book_stage_ = 0;
+      sleep_stage_ = 0, book_stage_ = 0;
 };
 
 }  // namespace adhesim
