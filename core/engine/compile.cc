@@ -288,10 +288,14 @@ void Pipeline::Restore(const State& state) {
   frozen_ = false;
   has_forces_ = false;
   searched_ = edges_next_ = false;
+  Forget();
+  if (sleeping_) RestoreSleep();
+}
+
+void Pipeline::Forget() {
   solver_->Forget();
   if (implicit_) implicit_->Forget();
   if (force_error_) force_error_->Forget();
-  if (sleeping_) RestoreSleep();
 }
 
 }  // namespace adhesim

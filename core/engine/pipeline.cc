@@ -168,7 +168,7 @@ void Pipeline::Substep(double dt_s, bool first) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  if (force_error_) BoundToolForces(dt_s);
+  if (force_error_ && !AllSleep()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -223,9 +223,9 @@ void Pipeline::EndSliding() {
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
 void Pipeline::Separate() {
-  if (sleeping_) {
+  if (sleeping_ && state_.sleep.bodies > 0) {
     sleeping_->WakeAll(&state_);
-    solver_->Forget();
+    Forget();
   }
   state_.contacts.overlapping = !overlap_->Find(state_.position_m).empty();
   if (!state_.contacts.overlapping) return;
@@ -378,12 +378,13 @@ void Pipeline::BoundToolForces(double dt_s) {
 void Pipeline::Solve(double dt_s) {
   const ImplicitSolver::Forces forces{{force_n_[0], force_n_[1], force_n_[2], force_n_[3]},
                                       total_force_n_};
-  if (implicit_) implicit_->Begin(state_, near_, forces, dt_s, &parallel_);
+  ImplicitSolver* const implicit = AllSleep() ? nullptr : implicit_.get();
+  if (implicit) implicit->Begin(state_, near_, forces, dt_s, &parallel_);
   int passes = 0, caught = 0;
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
-    if (implicit_) {
-      implicit_->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
+    if (implicit) {
+      implicit->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
     }
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
     if (!adhesive_) return;

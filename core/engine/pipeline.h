@@ -98,6 +98,10 @@ class Pipeline : public Engine {
   void Wake();
   void FallAsleep();
   void LeaveOutSleepers();
+  // What solvers keep is not of the state to come.
+  void Forget();
+  // Where anything is implicit, all sleep or none.
+  bool AllSleep() const { return implicit_ && state_.sleep.bodies > 0; }
   void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();
