@@ -152,11 +152,16 @@ std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
   KeepAwake(state->contacts, tools, sleep);
   Join(pairs, *state);
   KeepFallersAwake(field_n, state->contacts);
-  for (std::size_t b = 0; b < islands_.size(); ++b) {
-    if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
-    if (!kept_awake_[islands_.Root(static_cast<int>(b))])
-      tired_.push_back(static_cast<std::int32_t>(b));
+  bool all = true;
+  for (int b = 0; b < static_cast<int>(islands_.size()); ++b) {
+    if (sleep.asleep[b] || !CanMove(b)) continue;
+    if (!kept_awake_[islands_.Root(b)]) {
+      tired_.push_back(b);
+    } else {
+      all = false;
+    }
   }
+  if (together_ && !all) tired_.clear();
   return tired_;
 }
 
@@ -180,15 +185,6 @@ void Sleeping::KeepAwake(const Contacts& contacts, std::span<const Aabb> tools,
 void Sleeping::Join(std::span<const BodyPair> pairs, const State& state) {
   islands_.Reset();
   const auto joins = [&](int body) { return !state.sleep.asleep[body] && CanMove(body); };
-  if (together_) {
-    int first = -1;
-    for (int b = 0; b < static_cast<int>(islands_.size()); ++b) {
-      if (!joins(b)) continue;
-      if (first >= 0) Unite(first, b);
-      first = b;
-    }
-    return;
-  }
   for (const BodyPair& pair : pairs) {
     if (pair.body >= pair.other || !joins(pair.body) || !joins(pair.other)) continue;
     if (Near(state.sleep, pair.body, pair.other)) Unite(pair.body, pair.other);

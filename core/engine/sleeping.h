@@ -22,7 +22,7 @@ namespace adhesim {
 class Sleeping {
  public:
   // Boxes are within reach_m of each other, or not: that of contact, 0 without.
-  // `together`: whatever can move falls asleep and wakes as one island.
+  // `together`: all that can move falls asleep at once, or nothing, and wakes at once.
   Sleeping(const Model& model, double reach_m, bool together);
 
   // Everything is awake.
