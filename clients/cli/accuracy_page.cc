@@ -38,7 +38,7 @@ Plot WorkPrecision(const AccuracyStudy& study, const std::string& title, const s
   plot.x = {x_label, PlotScale::kLog};
   plot.y = {"wall time per simulated time", PlotScale::kLog};
   for (const AccuracyPoint& point : study.points) {
-    if (point.setting.kind != DialKind::kNumerical || !point.error) continue;
+    if (!IsJudgedByReference(point.setting) || !point.error) continue;
     const std::optional<double> x = measure(*point.error);
     if (!x || !Above0(point.cost.wall_min)) continue;
     const auto same = [&](const PlotSeries& series) { return series.name == point.dial; };
@@ -72,7 +72,7 @@ Plot ErrorOverStep(const AccuracyStudy& study, const std::string& title, const s
   std::vector<PlotSeries> lines;
   for (const AccuracyPoint& point : study.points) {
     const std::optional<double> y = point.error ? measure(*point.error) : std::nullopt;
-    if (point.setting.kind != DialKind::kNumerical || !y) continue;
+    if (!IsJudgedByReference(point.setting) || !y) continue;
     const std::string& method = point.setting.method;
     const auto same = [&](const PlotSeries& series) { return series.name == method; };
     auto series = std::find_if(plot.series.begin(), plot.series.end(), same);
@@ -243,6 +243,15 @@ std::string References(const AccuracyStudy& study) {
   return html;
 }
 
+// Another engine's runs, or nothing: why it has none is told with the dials.
+std::string Rival(const AccuracyStudy& study) {
+  if (study.rival_about.empty()) return "";
+  return absl::StrCat(TableOf(study, DialKind::kRival,
+                              "Another engine on the same mesh, against the same reference, "
+                              "interleaved with ours and timed the same way."),
+                      HtmlParagraph(Text(study.rival_about) + ".", "soft"));
+}
+
 std::string Beside(const AccuracyStudy& study) {
   std::string html = "<h2>Mesh, law and zones</h2>\n";
   if (study.finer_mesh) {
@@ -281,7 +290,7 @@ std::string AccuracyPage(const AccuracyReport& report) {
                   TableOf(study, DialKind::kNumerical,
                           "Errors against the reference; cost is wall time per simulated second, "
                           "one run after another, interleaved."),
-                  Beside(study));
+                  Rival(study), Beside(study));
   if (!study.left_out.empty()) {
     absl::StrAppend(&body, "<h2>Left out</h2>\n<ul>");
     for (const std::string& text : study.left_out)

@@ -9,6 +9,7 @@
 
 #include "clients/cli/accuracy_page.h"
 #include "clients/cli/accuracy_report.h"
+#include "clients/cli/bullet_accuracy.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
@@ -86,6 +87,7 @@ ExitCode Accuracy(const Arguments& arguments) {
   report.description = loaded->file.scene.description();
   AccuracyOptions options = arguments.options;
   options.stop = StopRequested;
+  options.rival = BulletRival;
   options.progress = [](const std::string& what) { std::cerr << what << " ..." << std::endl; };
   absl::StatusOr<AccuracyStudy> study =
       StudyAccuracy(loaded->file.scene, loaded->file.directory, options);
