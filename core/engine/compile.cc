@@ -103,6 +103,11 @@ absl::Status Pipeline::CompileImplicit() {
     force_error_ = std::make_unique<ForceError>(*model_);
     error_bar_.resize(model_->tools.size());
     bytes_.error = heap.Take();
+    tool_system_ = std::make_unique<ToolSystem>(*model_);
+    own_inertia_.resize(model_->tools.size());
+    coupling_law_.resize(model_->tools.size());
+    tool_law_.resize(model_->tools.size());
+    bytes_.tools = heap.Take();
   }
   start_.velocity_change_m_s = total_force_n_;
   // A constraint that is met after the solve moves particles against stiffness that it does not
@@ -209,7 +214,7 @@ absl::Status Pipeline::CompileTools() {
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);
   solver_->SetTools({last_twist_, tool_twist_, strength_scale_});
-  bytes_.tools = heap.Take();
+  bytes_.tools += heap.Take();
   return absl::OkStatus();
 }
 

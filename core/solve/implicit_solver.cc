@@ -151,6 +151,21 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
   }
 }
 
+void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt_s,
+                                   const State& state, Parallel* parallel,
+                                   std::span<Padded> residual) {
+  system_.SetZones(state, groups);
+  Prescribe(state, groups);
+  system_.Multiply(prescribed_m_s_, product_, parallel);
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    residual[p] = Padded{};
+    if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
+    const Vec3 product =
+        system_.active(p) ? product_[p].vec() : system_.MultiplyRow(p, prescribed_m_s_);
+    residual[p].Set(model_.mass_kg[p] * state.velocity_m_s[p] + dt_s * start_total_n_[p] - product);
+  }
+}
+
 // In terms of v_{n+1}: A v_{n+1} = M v_n + dt f, f without the damping of stiff effects, which is
 // linear.
 void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <vector>
@@ -65,6 +66,16 @@ class ImplicitSolver {
   // come. Replaces the forces by effective ones and keeps the change of velocity in the state.
   void Solve(std::span<const RigidGroup> groups, double dt_s, State* state, const Forces& forces,
              Parallel* parallel, StepReport* report);
+
+  // Makes these zones those of system(), and `residual` [#particles] what the linear equation lacks
+  // at the velocities before the step, at those of the groups where tools hold: N s, in the rows of
+  // all particles that can move.
+  void StartResidual(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                     Parallel* parallel, std::span<Padded> residual);
+  // What may be left of a residual of this size, in the preconditioner's norm.
+  double Target(double residual) const {
+    return std::max(effort_.tolerance * residual, round_off_);
+  }
 
   // Of the last Solve(): what it left open in every row [#particles], N s, and the square of its
   // norm in the preconditioner's metric.

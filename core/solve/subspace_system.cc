@@ -84,6 +84,28 @@ void SubspaceSystem::InvertDiagonal(Parallel* parallel) {
   });
 }
 
+Mat6 SubspaceSystem::BlockOf(const State& state, int zone, const Vec3& pivot_m) const {
+  const Zone& held = state.contacts.zones[zone];
+  const auto moves = [&](int p) { return !model_.fixed[p] && model_.mass_kg[p] > 0; };
+  const auto motions = [&](int p) {  // [3 x 6]
+    Eigen::Matrix<double, 3, 6> j;
+    j << Mat3::Identity(), -CrossMatrix(state.position_m[p] - pivot_m);
+    return j;
+  };
+  Mat6 whole = Mat6::Zero();
+  for (int m = held.first; m < held.first + held.count; ++m) {
+    const int p = state.contacts.zone_members[m];
+    if (!moves(p)) continue;
+    Eigen::Matrix<double, 3, 6> row = Eigen::Matrix<double, 3, 6>::Zero();
+    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
+      const int q = matrix_.column()[k];
+      if (state.contacts.zone_of[q] == zone && moves(q)) row += matrix_.At(k) * motions(q);
+    }
+    whole += motions(p).transpose() * row;
+  }
+  return 0.5 * (whole + whole.transpose());
+}
+
 // Of the twists that the group leaves, in a basis whose rotations are scaled to the translations.
 Mat6 SubspaceSystem::InverseOf(const RigidGroup& group, const State& state, int zone) const {
   Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6> basis(6, 0);
@@ -101,24 +123,9 @@ Mat6 SubspaceSystem::InverseOf(const RigidGroup& group, const State& state, int 
       add(Vec3::Zero(), std::sqrt(value * group.mass_kg) * eigen.eigenvectors().col(k));
     }
   }
-  const auto members = members_.subspan(contacts_zones_[zone].first, contacts_zones_[zone].count);
-  const auto motions = [&](int p) {  // [3 x 6]
-    Eigen::Matrix<double, 3, 6> j;
-    j << Mat3::Identity(), -CrossMatrix(position_m_[p] - group.pivot_m);
-    return j;
-  };
-  Mat6 whole = Mat6::Zero();
-  for (int p : members) {
-    if (!active_[p]) continue;
-    Eigen::Matrix<double, 3, 6> row = Eigen::Matrix<double, 3, 6>::Zero();
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (state.contacts.zone_of[q] == zone && active_[q]) row += matrix_.At(k) * motions(q);
-    }
-    whole += motions(p).transpose() * row;
-  }
+  const Mat6 whole = BlockOf(state, zone, group.pivot_m);
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6> small =
-      basis.transpose() * (0.5 * (whole + whole.transpose())) * basis;
+      basis.transpose() * whole * basis;
   const Eigen::LLT<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>>
       factor(small);
   const Mat6 inverse = basis * factor.solve(basis.transpose());

@@ -47,6 +47,8 @@ class SubspaceSystem {
 
   // True: a free particle, or a member of a zone that nobody prescribes.
   bool active(int p) const { return active_[p]; }
+  // S_z^T A S_z of a zone's members that can move, whoever moves them, as twists about a pivot.
+  Mat6 BlockOf(const State& state, int zone, const Vec3& pivot_m) const;
   // y = A x in the active rows, 0 in the others; returns x.y.
   double Multiply(std::span<const Padded> x, std::span<Padded> y, Parallel* parallel) const;
   // One row of A x, active or not.

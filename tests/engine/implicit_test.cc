@@ -238,5 +238,62 @@ TEST(ImplicitEngine, ASceneMayAskForTheExplicitStep) {
   EXPECT_TRUE(explicit_engine->state().velocity_change_m_s.empty());
 }
 
+// 50 g on 7 MPa: what the force at the start of a step of 5 ms says would throw the tool about.
+TEST(ImplicitEngine, AToolThatPressesStiffTissueComesToRestAtItsCouplingsForce) {
+  for (const double max_force_n : {20.0, 3.0}) {
+    const std::shared_ptr<Model> model =
+        ModelOf(PressedBlock{.cells = 4, .young_modulus_pa = 7e6, .tolerance = 1e-3});
+    model->tools[0].coupling.max_force_n = max_force_n;
+    auto engine = EngineOf(model);
+    double peak_n = 0;
+    for (int k = 0; k < 100; ++k) {
+      engine->Step({});
+      peak_n = std::max(peak_n, engine->state().tools[0].tissue.force_n.norm());
+    }
+    const ToolState& tool = engine->state().tools[0];
+    // Its spring is drawn out by all but what the tissue yields, or pulls with all it may.
+    const double stretch_m = (tool.target.position_m - tool.pose.position_m).norm();
+    const double spring_n = model->tools[0].coupling.stiffness_n_m * stretch_m;
+    EXPECT_GT(stretch_m, 6e-3);
+    EXPECT_NEAR(tool.tissue.force_n.norm(), std::min(spring_n, max_force_n), 0.01 * peak_n);
+    EXPECT_LT((tool.tissue.force_n + tool.coupling.force_n).norm(), 0.01 * peak_n);
+    EXPECT_LT(tool.twist.linear_m_s.norm(), 1e-4);
+    // It arrives at a tenth of a metre a second: its momentum in a step is 1 N.
+    EXPECT_LT(peak_n, std::min(spring_n, max_force_n) + 1);
+  }
+}
+
+// It hangs on a tool that is drawn away: together they go as fast as their mass permits.
+TEST(ImplicitEngine, AToolDragsAStiffBodyByItsWholeMass) {
+  const std::shared_ptr<Model> model =
+      ModelOf(PressedBlock{.cells = 3, .young_modulus_pa = 7e6, .tolerance = 1e-4});
+  std::fill(model->fixed.begin(), model->fixed.end(), 0);
+  ToolModel& tool = model->tools[0];
+  tool.coupling.max_force_n = 5;
+  tool.coupling.max_speed_m_s = 10;
+  tool.start.position_m = Vec3(0.05, 0.05, 0.1015);
+  tool.strength = {1e6, 1e6};
+  tool.trajectory = {{0.0, tool.start}, {0.05, tool.start}, {0.06, tool.start}};
+  tool.trajectory[1].pose.position_m.z() -= 0.001;  // takes hold of its top
+  tool.trajectory[2].pose.position_m.z() += 1;
+  auto engine = EngineOf(model);
+  double impulse = 0, dragged_s = 0;
+  for (int k = 0; k < 50; ++k) {
+    engine->Step({});
+    const double force_n = engine->state().tools[0].coupling.force_n.z();
+    impulse += force_n * model->dt_s;
+    dragged_s += force_n > 4.99 ? model->dt_s : 0;
+  }
+  const State& state = engine->state();
+  double momentum = tool.coupling.mass_kg * state.tools[0].twist.linear_m_s.z();
+  for (int p = 0; p < model->particle_count(); ++p) {
+    momentum += model->mass_kg[p] * state.velocity_m_s[p].z();
+  }
+  ASSERT_FALSE(state.contacts.zones.empty());
+  EXPECT_GT(dragged_s, 0.15);
+  // The tolerance of the solves, each of which may leave the tool a thousandth of its impulse.
+  EXPECT_NEAR(momentum, impulse, 0.005 * impulse);
+}
+
 }  // namespace
 }  // namespace adhesim
