@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/engine/engine.h"
+#include "core/study/timing.h"
 
 namespace adhesim {
 namespace {
@@ -18,7 +19,7 @@ constexpr double kHighestRateHz = 20000;  // scene.proto's
 // for the settings. A reference there must be.
 constexpr double kFirstPart = 0.25, kSecondPart = 0.2, kMeshPart = 0.2, kMustPart = 0.6;
 constexpr double kMeshWork = 8;  // twice as fine in three directions
-constexpr int kEarlySteps = 4;   // of the scene's own, by which costs are foretold
+constexpr int kEarlySteps = 8;   // of the scene's own, by which costs are foretold
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
@@ -103,23 +104,23 @@ class Maker {
     return Engine::Create(*model, {.threads = request_.threads});
   }
 
-  // Wall time of the first steps of an engine, which RunTrace() makes anew.
-  double EarlyS(Engine* engine) const {
+  // CPU time of the first steps of an engine, which RunTrace() makes anew: however busy the machine
+  // is, and however short they are.
+  double EarlyMs(Engine* engine) const {
     const double until_s = kEarlySteps * request_.model.dt_s;
-    const auto start = std::chrono::steady_clock::now();
     engine->Step({});  // what is made once
-    const auto second = std::chrono::steady_clock::now();
+    const double start_ms = ThreadCpuMs();
     while (engine->state().time_s < until_s && !engine->frozen()) engine->Step({});
-    return std::max(SecondsSince(second), SecondsSince(start) / kEarlySteps);
+    return ThreadCpuMs() - start_ms;
   }
 
   // What a run takes, from what the scene's own took and how the first steps compare.
   double Foretold(Engine* engine) {
-    if (own_early_s_ == 0) {
+    if (own_early_ms_ == 0) {
       const auto own = EngineWith({});
-      own_early_s_ = own.ok() ? EarlyS(own->get()) : 0;
+      own_early_ms_ = own.ok() ? EarlyMs(own->get()) : 0;
     }
-    return own_early_s_ > 0 ? request_.run_s * EarlyS(engine) / own_early_s_ : request_.run_s;
+    return own_early_ms_ > 0 ? request_.run_s * EarlyMs(engine) / own_early_ms_ : request_.run_s;
   }
 
   // The engine with edits at the first of the rates that there is time for. One there must be of
@@ -226,8 +227,8 @@ class Maker {
 
   const ReferenceRequest& request_;
   bool implicit_;
-  double own_early_s_ = 0;  // of the scene as it is
-  double first_ratio_ = 1;  // Candidate::ratio
+  double own_early_ms_ = 0;  // of the scene as it is
+  double first_ratio_ = 1;   // Candidate::ratio
   AccuracyReferences made_;
 };
 
