@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -23,13 +24,34 @@
 namespace adhesim {
 namespace {
 
-constexpr double kDemoFriction = 2;  // of a body; that of a pair is their product
+constexpr double kBodySize = 3;            // of its smallest tissue, in Bullet's units
+constexpr double kDemoFriction = 2;        // of a body; that of a pair is their product
+constexpr double kSheetThicknessM = 0.02;  // of obstacles without any, away from what may hit them
 
 btVector3 ToBullet(const Vec3& v) {
   return {static_cast<btScalar>(v.x()), static_cast<btScalar>(v.y()), static_cast<btScalar>(v.z())};
 }
 
 Vec3 FromBullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
+
+// Bullet's own numbers (tolerances, 0.5 N/m of a repulsion) are made for bodies of a few metres
+// and about a kilogram, and cubes of centimetres fall through what others rest on. So the smallest
+// tissue is made such a one; times stay.
+struct Units {
+  double length_m = 1, mass_kg = 1;
+};
+
+Units UnitsOf(const Model& model) {
+  Units units{std::numeric_limits<double>::infinity(), 0};
+  for (const Body& body : model.bodies) {
+    if (body.tetrahedron_count == 0 || body.size_m / kBodySize >= units.length_m) continue;
+    units = {body.size_m / kBodySize, 0};
+    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+      units.mass_kg += model.mass_kg[p];
+    }
+  }
+  return units;
+}
 
 // What the effects of a scene say, as far as Bullet has it: one set of moduli and of damping for
 // all bodies, but stiffness in proportion to the tetrahedra's share (below).
@@ -105,6 +127,35 @@ bool Connected(const Model& model, const Body& body) {
   return true;
 }
 
+const v1::Body& SceneBodyOf(const Model& model, const Body& body) {
+  return *std::find_if(model.scene.bodies().begin(), model.scene.bodies().end(),
+                       [&](const v1::Body& one) { return one.name() == body.scene_name; });
+}
+
+bool IsConvex(const Model& model, const Body& body) {
+  const v1::Body& shape = SceneBodyOf(model, body);
+  return shape.has_sheet() || shape.has_block();
+}
+
+// Of a convex body. A sheet becomes a plate whose far side is away from the tissue.
+std::vector<Vec3> CornersOf(const Model& model, const Body& body) {
+  const std::vector<Vec3>& rest = model.rest_position_m;
+  std::vector<Vec3> corners(rest.begin() + body.first_particle,
+                            rest.begin() + body.first_particle + body.particle_count);
+  if (!SceneBodyOf(model, body).has_sheet()) return corners;
+  Vec3 tissue = Vec3::Zero();
+  for (std::size_t p = 0; p < rest.size(); ++p) {
+    if (!model.fixed[p]) tissue += rest[p] - corners[0];
+  }
+  const Triangle& t = model.triangles[body.first_triangle];
+  Vec3 back = (rest[t[1]] - rest[t[0]]).cross(rest[t[2]] - rest[t[0]]).normalized();
+  if (back.dot(tissue) > 0) back = -back;
+  for (int i = 0; i < body.particle_count; ++i) {
+    corners.push_back(corners[i] + kSheetThicknessM * back);
+  }
+  return corners;
+}
+
 std::set<std::pair<int, int>> EdgesOf(const Model& model, const Body& body) {
   std::set<std::pair<int, int>> edges;
   const auto add = [&](const auto& corners) {
@@ -125,6 +176,7 @@ std::set<std::pair<int, int>> EdgesOf(const Model& model, const Body& body) {
 }  // namespace
 
 struct BulletTissue::World {
+  Units unit;
   btSoftBodyRigidBodyCollisionConfiguration configuration;
   btCollisionDispatcher dispatcher{&configuration};
   btDbvtBroadphase broadphase;
@@ -134,11 +186,20 @@ struct BulletTissue::World {
                                            &bodies_solver};
   std::unique_ptr<btDeformableGravityForce> gravity;
   std::unique_ptr<btDeformableLinearElasticityForce> elasticity;
-  std::vector<std::unique_ptr<btSoftBody>> bodies;
-  std::vector<int> first_particle;  // [#bodies] of the model
+  struct Tissue {
+    const Body* body;
+    std::unique_ptr<btSoftBody> soft;
+  };
+  std::vector<Tissue> tissues;
+  struct Obstacle {
+    std::unique_ptr<btConvexHullShape> shape;
+    std::unique_ptr<btRigidBody> rigid;
+  };
+  std::vector<Obstacle> obstacles;
 
   ~World() {
-    for (auto& body : bodies) world.removeSoftBody(body.get());
+    for (Tissue& tissue : tissues) world.removeSoftBody(tissue.soft.get());
+    for (Obstacle& obstacle : obstacles) world.removeRigidBody(obstacle.rigid.get());
   }
 };
 
@@ -153,7 +214,10 @@ std::string BulletTissue::WhyNot(const Model& model) {
     return "it has no shape memory, only links whose stiffness depends on the step";
   }
   for (const Body& body : model.bodies) {
-    if (body.all_fixed) continue;
+    if (body.all_fixed) {
+      if (!IsConvex(model, body)) return "its obstacles are convex";
+      continue;
+    }
     if (body.rigid || body.tetrahedron_count == 0) return "a body is no tissue";
     if (!Connected(model, body)) return "a body falls apart into pieces";
   }
@@ -166,11 +230,18 @@ std::string BulletTissue::WhyNot(const Model& model) {
 
 BulletTissue::BulletTissue(const Model& model, double dt_s, const BulletSettings& settings)
     : model_(model), dt_s_(dt_s), settings_(settings), world_(std::make_unique<World>()) {
+  world_->unit = UnitsOf(model);
   world_->solver.setDeformableSolver(&world_->bodies_solver);
   btDeformableMultiBodyDynamicsWorld& world = world_->world;
   btSoftBodyWorldInfo& info = world.getWorldInfo();
   info.m_gravity.setZero();  // a force of its own, below
   info.air_density = 0;
+  if (model.adhesive) {
+    // Of the field of distances around obstacles: between its nodes it does not see what is
+    // thinner.
+    info.m_sparsesdf.setDefaultVoxelsz(static_cast<btScalar>(2 * margin()));
+    info.m_sparsesdf.Reset();
+  }
   world.setGravity(btVector3(0, 0, 0));
   world.setImplicit(settings.implicit);
   world.setLineSearch(false);
@@ -181,25 +252,46 @@ BulletTissue::BulletTissue(const Model& model, double dt_s, const BulletSettings
   solver.m_leastSquaresResidualThreshold = 1e-3f;
   solver.m_splitImpulse = true;
   solver.m_numIterations = 100;
-  // Those that move first: Bullet's guess of where contacts will be counts no fixed nodes, and is
-  // of the wrong node behind them.
-  for (const bool fixed : {false, true}) {
-    for (const Body& body : model.bodies) {
-      if (body.all_fixed == fixed) AddBody(body);
-    }
-  }
+  // Deformable obstacles would do in Bullet what fixed nodes of a body that is hit do: take up
+  // impulses, and move.
+  for (const Body& body : model.bodies) body.all_fixed ? AddObstacle(body) : AddTissue(body);
   AddForces();
 }
 
 BulletTissue::~BulletTissue() = default;
 
-void BulletTissue::AddBody(const Body& body) {
+void BulletTissue::AddObstacle(const Body& body) {
+  World::Obstacle obstacle;
+  obstacle.shape = std::make_unique<btConvexHullShape>();
+  for (const Vec3& corner : CornersOf(model_, body)) {
+    obstacle.shape->addPoint(ToBullet(corner / world_->unit.length_m));
+  }
+  obstacle.shape->setMargin(static_cast<btScalar>(margin()));
+  obstacle.rigid = std::make_unique<btRigidBody>(
+      btRigidBody::btRigidBodyConstructionInfo(0, nullptr, obstacle.shape.get()));
+  obstacle.rigid->setFriction(static_cast<btScalar>(friction()));
+  world_->world.addRigidBody(obstacle.rigid.get());
+  world_->obstacles.push_back(std::move(obstacle));
+}
+
+// Those of two bodies add up to where ours touch.
+double BulletTissue::margin() const {
+  return model_.adhesive ? 0.5 * model_.adhesive->capture_distance_m / world_->unit.length_m : 0;
+}
+
+double BulletTissue::friction() const {
+  const bool has = model_.adhesive && model_.adhesive->friction_coefficient;
+  return has ? std::sqrt(*model_.adhesive->friction_coefficient) : kDemoFriction;
+}
+
+void BulletTissue::AddTissue(const Body& body) {
   const int first = body.first_particle;
   std::vector<btVector3> position;
   std::vector<btScalar> mass;
   for (int p = first; p < first + body.particle_count; ++p) {
-    position.push_back(ToBullet(model_.rest_position_m[p]));
-    mass.push_back(model_.fixed[p] ? 0 : static_cast<btScalar>(model_.mass_kg[p]));
+    position.push_back(ToBullet(model_.rest_position_m[p] / world_->unit.length_m));
+    mass.push_back(
+        model_.fixed[p] ? 0 : static_cast<btScalar>(model_.mass_kg[p] / world_->unit.mass_kg));
   }
   auto soft = std::make_unique<btSoftBody>(&world_->world.getWorldInfo(), body.particle_count,
                                            position.data(), mass.data());
@@ -219,50 +311,44 @@ void BulletTissue::AddBody(const Body& body) {
   soft->setActivationState(DISABLE_DEACTIVATION);
   soft->m_cfg.collisions = 0;
   if (model_.adhesive) {
-    soft->m_cfg.collisions = btSoftBody::fCollision::VF_DD | btSoftBody::fCollision::SDF_RD;
+    soft->m_cfg.collisions = btSoftBody::fCollision::VF_DD | btSoftBody::fCollision::SDF_RD |
+                             btSoftBody::fCollision::SDF_RDN;
     soft->m_cfg.kKHR = soft->m_cfg.kCHR = 1;
-    const std::optional<double>& friction = model_.adhesive->friction_coefficient;
-    soft->m_cfg.kDF = static_cast<btScalar>(friction ? std::sqrt(*friction) : kDemoFriction);
-    // Those of two bodies add up.
-    soft->getCollisionShape()->setMargin(
-        static_cast<btScalar>(0.5 * model_.adhesive->capture_distance_m));
+    soft->m_cfg.kDF = static_cast<btScalar>(friction());
+    soft->getCollisionShape()->setMargin(static_cast<btScalar>(margin()));
   }
   world_->world.addSoftBody(soft.get());
-  world_->bodies.push_back(std::move(soft));
-  world_->first_particle.push_back(first);
+  world_->tissues.push_back({&body, std::move(soft)});
 }
 
 void BulletTissue::AddForces() {
   const Effects effects = EffectsOf(model_);
   World& w = *world_;
-  w.gravity = std::make_unique<btDeformableGravityForce>(ToBullet(effects.gravity_m_s2));
+  w.gravity =
+      std::make_unique<btDeformableGravityForce>(ToBullet(effects.gravity_m_s2 / w.unit.length_m));
+  const double unit_pa = w.unit.mass_kg / w.unit.length_m;  // and seconds
   w.elasticity = std::make_unique<btDeformableLinearElasticityForce>(
-      static_cast<btScalar>(effects.material->mu()),
-      static_cast<btScalar>(effects.material->lambda()), static_cast<btScalar>(effects.drag_per_s),
+      static_cast<btScalar>(effects.material->mu() / unit_pa),
+      static_cast<btScalar>(effects.material->lambda() / unit_pa),
+      static_cast<btScalar>(effects.drag_per_s),
       static_cast<btScalar>(effects.stiffness_damping_s));
-  for (auto& body : w.bodies) {
-    w.world.addForce(body.get(), w.gravity.get());
-    w.world.addForce(body.get(), w.elasticity.get());
-  }
-  std::size_t next = 0;
-  for (const bool fixed : {false, true}) {
-    for (const Body& body : model_.bodies) {
-      if (body.all_fixed != fixed) continue;
-      btSoftBody& soft = *w.bodies[next++];
-      for (int t = 0; t < soft.m_tetras.size(); ++t) {
-        soft.m_tetras[t].m_element_measure *=
-            static_cast<btScalar>(effects.share[body.first_tetrahedron + t]);
-      }
+  for (World::Tissue& tissue : w.tissues) {
+    btSoftBody& soft = *tissue.soft;
+    w.world.addForce(&soft, w.gravity.get());
+    w.world.addForce(&soft, w.elasticity.get());
+    for (int t = 0; t < soft.m_tetras.size(); ++t) {
+      soft.m_tetras[t].m_element_measure *=
+          static_cast<btScalar>(effects.share[tissue.body->first_tetrahedron + t]);
     }
   }
 }
 
 void BulletTissue::StartFrom(const std::vector<Vec3>& position_m) {
-  for (std::size_t b = 0; b < world_->bodies.size(); ++b) {
-    btSoftBody::tNodeArray& nodes = world_->bodies[b]->m_nodes;
-    for (int i = 0; i < nodes.size(); ++i) {
-      btSoftBody::Node& node = nodes[i];
-      node.m_x = node.m_q = ToBullet(position_m[world_->first_particle[b] + i]);
+  for (World::Tissue& tissue : world_->tissues) {
+    for (int i = 0; i < tissue.soft->m_nodes.size(); ++i) {
+      btSoftBody::Node& node = tissue.soft->m_nodes[i];
+      node.m_x = node.m_q =
+          ToBullet(position_m[tissue.body->first_particle + i] / world_->unit.length_m);
       node.m_v.setZero();
       node.m_vn.setZero();
     }
@@ -276,18 +362,23 @@ void BulletTissue::Step() {
 
 int BulletTissue::contacts() const {
   int count = 0;
-  for (const auto& body : world_->bodies) count += body->m_faceNodeContacts.size();
+  for (const World::Tissue& tissue : world_->tissues) {
+    const btSoftBody& soft = *tissue.soft;
+    count += soft.m_faceNodeContacts.size() + soft.m_faceNodeContactsCCD.size() +
+             soft.m_nodeRigidContacts.size();
+  }
   return count;
 }
 
 void BulletTissue::Read(std::vector<Vec3>* position_m, std::vector<Vec3>* velocity_m_s) const {
-  position_m->resize(model_.rest_position_m.size());
-  velocity_m_s->resize(model_.rest_position_m.size());
-  for (std::size_t b = 0; b < world_->bodies.size(); ++b) {
-    const btSoftBody::tNodeArray& nodes = world_->bodies[b]->m_nodes;
+  const double length_m = world_->unit.length_m;
+  *position_m = model_.rest_position_m;  // of obstacles
+  velocity_m_s->assign(model_.rest_position_m.size(), Vec3::Zero());
+  for (const World::Tissue& tissue : world_->tissues) {
+    const btSoftBody::tNodeArray& nodes = tissue.soft->m_nodes;
     for (int i = 0; i < nodes.size(); ++i) {
-      (*position_m)[world_->first_particle[b] + i] = FromBullet(nodes[i].m_x);
-      (*velocity_m_s)[world_->first_particle[b] + i] = FromBullet(nodes[i].m_v);
+      (*position_m)[tissue.body->first_particle + i] = length_m * FromBullet(nodes[i].m_x);
+      (*velocity_m_s)[tissue.body->first_particle + i] = length_m * FromBullet(nodes[i].m_v);
     }
   }
 }
@@ -300,9 +391,10 @@ const char* BulletTissue::version() {
 
 const char* BulletTissue::settings_text() {
   return "deformable bodies of the same particles, tetrahedra, masses, gravity and drag, "
-         "corotational with the same moduli; single precision; one Newton step solved by "
-         "conjugate gradients in the projected space to Bullet's own bound, deformable_erp 0.3, "
-         "100 contact iterations, no line search, no sleeping";
+         "corotational with the same moduli, in units in which the smallest body is of 3 m and "
+         "1 kg; single precision; one Newton step solved by conjugate gradients in the projected "
+         "space to Bullet's own bound, deformable_erp 0.3, 100 contact iterations, no line "
+         "search, no sleeping";
 }
 
 }  // namespace adhesim

@@ -21,7 +21,8 @@ struct BulletSettings {
 //
 // Settings are those of Bullet's own demo of volumetric deformables: one Newton step, conjugate
 // gradients in the projected space, deformable_erp 0.3, 100 contact iterations, friction 2 a body
-// (where the scene has no coefficient), no sleeping. Single precision, as Debian builds it.
+// (where the scene has no coefficient), no sleeping. Obstacles are convex rigid bodies. Single
+// precision, as Debian builds it.
 class BulletTissue {
  public:
   // Why Bullet cannot express the scene, in words that end a sentence; empty: it can.
@@ -44,7 +45,10 @@ class BulletTissue {
 
  private:
   struct World;
-  void AddBody(const Body& body);
+  void AddTissue(const Body& body);
+  void AddObstacle(const Body& body);
+  double margin() const;  // in Bullet's units
+  double friction() const;
   void AddForces();
 
   const Model& model_;

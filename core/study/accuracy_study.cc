@@ -272,6 +272,12 @@ class Study {
     }
   }
 
+  // A reference for which there was little time may be one of the settings, and have no error.
+  bool IsTheReference(const AccuracyPoint& point) const {
+    return point.error->position_m.linf == 0 && study_.motion_m > 0 &&
+           std::abs(point.setting.rate_hz / study_.reference.rate_hz - 1) < 1e-9;
+  }
+
   void Recommend() {
     AdviceLimits& limits = study_.limits;
     // Who names a tolerance of positions or forces is answered in it.
@@ -284,7 +290,8 @@ class Study {
     std::vector<AdviceCandidate> candidates;
     for (const AccuracyPoint& point : study_.points) {
       AdviceCandidate& one = candidates.emplace_back();
-      one.usable = point.setting.kind == DialKind::kNumerical && point.error.has_value();
+      one.usable = point.setting.kind == DialKind::kNumerical && point.error.has_value() &&
+                   !IsTheReference(point);
       if (!one.usable) continue;
       one.rate_hz = point.setting.rate_hz;
       one.error_m = point.error->position_m.l2;

@@ -1,10 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
 #include "clients/cli/bullet_accuracy.h"
+#include "clients/cli/bullet_stress.h"
 #include "clients/cli/bullet_tissue.h"
 #include "core/study/accuracy_study.h"
 #include "core/study/shape_error.h"
@@ -174,6 +176,49 @@ TEST(BulletTissue, ComesBackFromAnotherStart) {
   for (int step = 0; step < 200; ++step) bullet.Step();
   bullet.Read(&position_m, &velocity_m_s);
   EXPECT_LT(MeasureShapeError(*model, position_m).error, 1e-3);
+}
+
+StressCase CaseOf(const std::string& name) {
+  const auto cases = StressCases();
+  return *std::find_if(cases.begin(), cases.end(),
+                       [&](const StressCase& one) { return one.name == name; });
+}
+
+BulletCase RunCase(const StressCase& one, std::optional<double> dt_s = std::nullopt) {
+  return RunBulletCase(one, dt_s, ADHESIM_SOURCE_DIR "/scenes/stress", 60);
+}
+
+TEST(BulletCase, IsJudgedLikeOurs) {
+  StressCase one = CaseOf("inverted");
+  EXPECT_EQ(RunCase(one).result.outcome, StressOutcome::kSurvived);
+  one.duration_s = 0.1;
+  one.conditions.rest_by_s = 0.05;
+  EXPECT_THAT(RunCase(one).result.cause, HasSubstr("shape at rest"));
+  one.conditions.rest_by_s.reset();
+  one.shows = [](const StressFigures& f) { return f.captures > 0 ? nullptr : "nothing touched"; };
+  EXPECT_EQ(RunCase(one).result.cause, "nothing touched");
+}
+
+TEST(BulletCase, TouchesObstaclesAndIsPulledThroughASlot) {
+  const BulletCase made = RunCase(CaseOf("funnel"), 0.001);
+  EXPECT_EQ(made.result.outcome, StressOutcome::kSurvived) << made.result.cause;
+  EXPECT_GT(made.result.figures.captures, 0);
+  // It falls by 30 m/s^2 against a drag of 5 /s: by 4.6 m in its second. Obstacles stay.
+  EXPECT_GT(made.result.figures.fallen_m, 1);
+}
+
+// Ten cubes that rest on each other: energy comes from nowhere, or numbers end.
+TEST(BulletCase, SeesWhatDiverges) {
+  const BulletCase made = RunCase(CaseOf("stack_of_ten"));
+  EXPECT_EQ(made.result.outcome, StressOutcome::kFailed);
+  EXPECT_FALSE(made.result.cause.empty());
+}
+
+TEST(BulletCase, TellsWhatIsNotExpressible) {
+  EXPECT_THAT(RunCase(CaseOf("zone_of_two")).not_expressible, HasSubstr("sticks"));
+  EXPECT_THAT(RunCase(CaseOf("flat_tet")).not_expressible, HasSubstr("refused"));
+  EXPECT_THAT(RunCase(CaseOf("needle_1_m_s")).not_expressible, HasSubstr("tools"));
+  EXPECT_THAT(RunCase(CaseOf("cell_flattened")).not_expressible, HasSubstr("shape memory"));
 }
 
 }  // namespace
