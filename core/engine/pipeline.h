@@ -58,6 +58,7 @@ class Pipeline : public Engine {
       : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
   absl::Status CompileImplicit();
+  std::vector<const Effect*> RowsOnTissue() const;
   void CompileContact();
   void CompileRungs();
   absl::Status CompileTools();
