@@ -1,7 +1,9 @@
 #include "core/study/accuracy_settings.h"
 
+#include <absl/strings/numbers.h>
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
+#include <absl/strings/str_split.h>
 
 #include <algorithm>
 #include <cmath>
@@ -106,6 +108,13 @@ std::vector<double> RateRatios(bool quick) {
 }
 
 bool IsPermitted(double rate_hz) { return rate_hz >= 1 && rate_hz <= kHighestRateHz; }
+
+// Deformable bodies, of which two may touch.
+int DeformableBodies(const Model& model) {
+  return static_cast<int>(
+      std::count_if(model.bodies.begin(), model.bodies.end(),
+                    [](const Body& body) { return !body.rigid && !body.all_fixed; }));
+}
 
 class Dials {
  public:
@@ -258,18 +267,31 @@ class Dials {
     for (int e = 0; e < scene_.effects_size(); ++e) {
       if (!scene_.effects(e).has_virtual_adhesive()) continue;
       const v1::VirtualAdhesive& adhesive = scene_.effects(e).virtual_adhesive();
+      const auto add = [&](const std::string& name, const char* field, const std::string& value) {
+        AccuracySetting setting = own_;
+        setting.kind = DialKind::kModel;
+        setting.name = name;
+        setting.edits = {{EffectPath(e, absl::StrCat("virtual_adhesive.", field)), value}};
+        dial.settings.push_back(setting);
+      };
+      if (adhesive.ties()) {
+        add("zones, no ties", "ties", "false");
+        continue;  // which patches exclude
+      }
       double size_m = 0.5 * adhesive.patch_size_m();
       if (!adhesive.has_patch_size_m()) {
         size_m = model_.bodies[0].size_m;
         for (const Body& body : model_.bodies) size_m = std::min(size_m, body.size_m);
         size_m /= 8;
       }
-      AccuracySetting setting = own_;
-      setting.kind = DialKind::kModel;
-      setting.name = absl::StrFormat("zones in patches of %.3g mm", 1e3 * size_m);
-      setting.edits = {
-          {EffectPath(e, "virtual_adhesive.patch_size_m"), absl::StrFormat("%.3g", size_m)}};
-      dial.settings.push_back(setting);
+      add(absl::StrFormat("zones in patches of %.3g mm", 1e3 * size_m), "patch_size_m",
+          absl::StrFormat("%.3g", size_m));
+      if (adhesive.has_patch_size_m()) {
+        add("zones that are not cut", "patch_size_m", "");
+      } else if (!implicit_ && !adhesive.has_friction_coefficient() &&
+                 DeformableBodies(model_) > 1) {
+        add("ties, no zones", "ties", "true");
+      }
     }
     if (dial.settings.empty()) dial.not_offered = "this scene has no virtual adhesive";
     return dial;
@@ -280,6 +302,28 @@ class Dials {
   bool quick_, implicit_;
   AccuracySetting own_;  // the scene as it is
 };
+
+// Takes out the field at a path like "effects[0].drag.rate_per_s"; nothing where there is none.
+void TakeOut(const std::string& path, google::protobuf::Message* message) {
+  const std::vector<std::string> names = absl::StrSplit(path, '.');
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::vector<std::string> parts = absl::StrSplit(names[i], absl::ByAnyChar("[]"));
+    const google::protobuf::Reflection& reflection = *message->GetReflection();
+    const auto* field = message->GetDescriptor()->FindFieldByName(parts[0]);
+    if (field == nullptr) return;
+    if (i + 1 == names.size()) return reflection.ClearField(message, field);
+    if (field->cpp_type() != field->CPPTYPE_MESSAGE) return;
+    int index = 0;
+    if (!field->is_repeated()) {
+      message = reflection.MutableMessage(message, field);
+    } else if (parts.size() > 1 && absl::SimpleAtoi(parts[1], &index) && index >= 0 &&
+               index < reflection.FieldSize(*message, field)) {
+      message = reflection.MutableRepeatedMessage(message, field, index);
+    } else {
+      return;
+    }
+  }
+}
 
 }  // namespace
 
@@ -324,6 +368,10 @@ std::vector<SceneEdit> FinerMesh(const v1::Scene& scene) { return RefineAll(scen
 absl::StatusOr<v1::Scene> Edited(const v1::Scene& scene, const std::vector<SceneEdit>& edits) {
   v1::Scene edited = scene;
   for (const SceneEdit& edit : edits) {
+    if (edit.value.empty()) {
+      TakeOut(edit.path, &edited);
+      continue;
+    }
     if (const absl::Status set = SetField(&edited, edit.path, edit.value); !set.ok()) return set;
   }
   for (const Problem& problem : ValidateScene(edited)) {

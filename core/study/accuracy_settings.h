@@ -18,7 +18,7 @@ namespace adhesim {
 // solves the scene's equations on its mesh too, by other code, and is measured like the first.
 enum class DialKind { kNumerical, kMesh, kModel, kRival };
 
-// A field of the scene and its new value, as `--set` takes them.
+// A field of the scene and its new value, as `--set` takes them; empty: the field is taken out.
 struct SceneEdit {
   std::string path, value;
 };

@@ -1,3 +1,4 @@
+#include <absl/strings/match.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -128,6 +129,49 @@ constexpr char kPressed[] =
     "effects:\n"
     "  - elasticity: {young_modulus_pa: 5000, stiffness_damping_s: 0.002}\n"
     "  - virtual_adhesive: {capture_distance_m: 0.001}\n";
+
+std::vector<std::string> ZoneSettingsOf(const std::string& adhesive) {
+  const SceneFile file = SceneOf(
+      "bodies:\n"
+      "  - {name: a, icosphere: {radius_m: 0.1}, mass_kg: 1}\n"
+      "  - {name: b, icosphere: {radius_m: 0.1}, mass_kg: 1, position_m: [0.21, 0, 0]}\n"
+      "effects:\n"
+      "  - shape_memory: {stiffness_n_m: 60}\n"
+      "  - virtual_adhesive: {" +
+      adhesive + "}\n");
+  const auto model = EditedModel(file.scene, file.directory, {});
+  EXPECT_TRUE(model.ok()) << model.status();
+  std::vector<std::string> names;
+  for (const AccuracyDial& dial : DialsOf((*model)->scene, **model, {})) {
+    if (dial.name != "zones") continue;
+    for (const AccuracySetting& setting : dial.settings) {
+      names.push_back(setting.name);
+      const auto edited = EditedModel(file.scene, file.directory, setting.edits);
+      EXPECT_TRUE(edited.ok()) << setting.name << ": " << edited.status();
+      if (!edited.ok()) continue;
+      EXPECT_EQ((*edited)->adhesive->ties, setting.name == "ties, no zones") << setting.name;
+      EXPECT_EQ((*edited)->adhesive->patch_size_m.has_value(),
+                absl::StrContains(setting.name, "patches"))
+          << setting.name;
+    }
+  }
+  return names;
+}
+
+// Whole zones, zones in patches and ties: each scene is shown what it would be without its own.
+TEST(AccuracyDials, OfZonesAreTheOtherWaysToStick) {
+  using ::testing::ElementsAre;
+  EXPECT_THAT(ZoneSettingsOf("capture_distance_m: 0.01"),
+              ElementsAre(HasSubstr("in patches"), "ties, no zones"));
+  EXPECT_THAT(ZoneSettingsOf("capture_distance_m: 0.01, patch_size_m: 0.1"),
+              ElementsAre("zones in patches of 50 mm", "zones that are not cut"));
+  EXPECT_THAT(ZoneSettingsOf("capture_distance_m: 0.01, ties: true"),
+              ElementsAre("zones, no ties"));
+  // Which ties exclude.
+  EXPECT_THAT(ZoneSettingsOf("capture_distance_m: 0.01, normal_strength_pa: 10, "
+                             "friction_coefficient: 0.3"),
+              ElementsAre(HasSubstr("in patches")));
+}
 
 // The explicit path is foretold to take too long, and not begun; Newton's path is run because a
 // reference there must be, and once more at half the rate, so that chaos is seen.
