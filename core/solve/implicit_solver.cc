@@ -24,7 +24,8 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
     : model_(model),
       effects_(std::move(effects)),
       matrix_(MatrixOf(model, effects_)),
-      system_(model, matrix_) {
+      system_(model, matrix_),
+      arcs_(model) {
   const std::size_t n = model.rest_position_m.size();
   int state_size = 0;
   for (const StiffEffect& stiff : effects_) {
@@ -37,7 +38,7 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
     diagonal_.push_back(matrix_.Slot(static_cast<int>(p), static_cast<int>(p)));
   }
   for (auto* array : {&start_elastic_n_, &start_damping_n_, &start_total_n_, &elastic_n_,
-                      &damping_n_, &position_m_, &velocity_m_s_}) {
+                      &damping_n_, &position_m_, &velocity_m_s_, &arc_m_s_}) {
     array->assign(n, Vec3::Zero());
   }
   if (model.integrator == Integrator::kNewton) {
@@ -97,7 +98,10 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
     assembled_ago_ = 0;
   }
   SetScale(state, dt_s);
-  if (explicit_n_.empty()) return;
+  if (explicit_n_.empty()) {
+    arcs_.Update(state, dt_s);
+    return;
+  }
   EvaluateStiff(in);
   for (std::size_t p = 0; p < explicit_n_.size(); ++p) {
     explicit_n_[p] = start_total_n_[p] - elastic_n_[p];
@@ -121,8 +125,10 @@ void ImplicitSolver::SetScale(const State& state, double dt_s) {
 void ImplicitSolver::Prescribe(const State& state, std::span<const RigidGroup> groups) {
   for (std::size_t p = 0; p < prescribed_m_s_.size(); ++p) {
     const int zone = state.contacts.zone_of[p];
+    arc_m_s_[p].setZero();
     if (system_.active(static_cast<int>(p))) {
-      prescribed_m_s_[p].Set(state.velocity_m_s[p]);
+      if (zone < 0) arc_m_s_[p] = arcs_.At(model_.body_of[p], state.position_m[p]);
+      prescribed_m_s_[p].Set(state.velocity_m_s[p] - arc_m_s_[p]);
     } else if (zone >= 0 && groups[zone].driven() && !model_.fixed[p]) {
       prescribed_m_s_[p].Set(groups[zone].VelocityAt(state.position_m[p]));
     } else {
@@ -147,7 +153,7 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
   }
   EffectiveForces(groups, dt_s, *state, forces, parallel);
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
-    state->velocity_change_m_s[p] = velocity_m_s_[p] - state->velocity_m_s[p];
+    state->velocity_change_m_s[p] = velocity_m_s_[p] + arc_m_s_[p] - state->velocity_m_s[p];
   }
 }
 
@@ -162,19 +168,20 @@ void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt
     if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
     const Vec3 product =
         system_.active(p) ? product_[p].vec() : system_.MultiplyRow(p, prescribed_m_s_);
-    residual[p].Set(model_.mass_kg[p] * state.velocity_m_s[p] + dt_s * start_total_n_[p] - product);
+    const Vec3 velocity = state.velocity_m_s[p] - arc_m_s_[p];
+    residual[p].Set(model_.mass_kg[p] * velocity + dt_s * start_total_n_[p] - product);
   }
 }
 
-// In terms of v_{n+1}: A v_{n+1} = M v_n + dt f, f without the damping of stiff effects, which is
-// linear.
+// In terms of u = v_{n+1} - c: A u = M (v_n - c) + dt f, f without the damping of stiff effects,
+// which is linear.
 void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,
                                  const State& state, Parallel* parallel, StepReport* report) {
   system_.Multiply(prescribed_m_s_, product_, parallel);
   for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(model_.mass_kg[p] * state.velocity_m_s[p] + dt_s * start_total_n_[p] -
+    residual_ns_[p].Set(model_.mass_kg[p] * prescribed_m_s_[p].vec() + dt_s * start_total_n_[p] -
                         product_[p].vec());
   }
   const double start_sq = system_.Precondition(residual_ns_, direction_, parallel);
@@ -185,6 +192,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
       system_.Solve(std::max(effort_.tolerance * scale, round_off_), model_.max_iterations,
                     change_m_s_, residual_ns_, parallel);
   iterations_ = result.iterations;
+  system_.BalanceTurns(change_m_s_, residual_ns_, parallel);
   system_.Balance(change_m_s_, residual_ns_);
   residual_sq_ = system_.Precondition(residual_ns_, direction_, parallel);
   if (!result.converged) report->bits |= kStepNotConverged;
@@ -326,7 +334,9 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
   for (int p = 0; p < model_.particle_count(); ++p) {
     const Vec3 momentum = model_.mass_kg[p] * velocity_m_s_[p];
     if (system_.active(p) && state.contacts.zone_of[p] < 0) {
-      forces.total[p] = (momentum - model_.mass_kg[p] * state.velocity_m_s[p]) / dt_s;
+      forces.total[p] =
+          (momentum + model_.mass_kg[p] * arc_m_s_[p] - model_.mass_kg[p] * state.velocity_m_s[p]) /
+          dt_s;
     } else if (newton) {
       forces.total[p] = explicit_n_[p] + elastic_n_[p] + damping_n_[p];
     } else {
