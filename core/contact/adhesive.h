@@ -99,6 +99,12 @@ class Adhesive {
   int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                      StepReport* report);
 
+  // CaptureCrossing() for tools, which move to `moved_tool` [#tools]: capture looked at the motion
+  // that they had before their couplings moved them.
+  int CaptureCrossingByTools(std::span<const NearTool> near, const State& state,
+                             std::span<const Vec3> moved_m, std::span<const Pose> moved_tool,
+                             Contacts* contacts, StepReport* report);
+
   // FollowSliding() for tools: renews where bonds that slide on them touch, drops those that are
   // further apart than d_off, and makes those that friction has stopped stick.
   int FollowSlidingOnTools(std::span<const NearTool> near, const State& state, Contacts* contacts);
@@ -151,6 +157,8 @@ class Adhesive {
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
   Bond BondOf(const NearPair& near, double time_s) const;
+  // From one gap to the other, a trial step comes too near.
+  bool Approaches(double gap_m, double then_m) const;
   bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
   bool MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
                  int second) const;

@@ -322,6 +322,11 @@ void Pipeline::Solve(double dt_s) {
       if (zones_parted_) FindNearEdges();  // those that moved as one are looked at too
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
+      if (tool_contacts_) {
+        changes +=
+            adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
+                                              tool_pose_, &state_.contacts, &report_);
+      }
       if (changes == 0) return;
       if (++caught > kCrossingPasses) {
         report_.bits |= kStepReleasePasses;

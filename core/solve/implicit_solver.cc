@@ -23,7 +23,8 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
       effects_(std::move(effects)),
       matrix_(MatrixOf(model, effects_)),
       system_(model, matrix_),
-      rows_(model, std::move(constraints)) {
+      rows_(model, std::move(constraints)),
+      arcs_(model) {
   const std::size_t n = model.rest_position_m.size();
   int state_size = 0;
   for (const StiffEffect& stiff : effects_) {
@@ -36,7 +37,7 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
     diagonal_.push_back(matrix_.Slot(static_cast<int>(p), static_cast<int>(p)));
   }
   for (auto* array : {&start_elastic_n_, &start_damping_n_, &start_total_n_, &elastic_n_,
-                      &damping_n_, &position_m_, &velocity_m_s_}) {
+                      &damping_n_, &position_m_, &velocity_m_s_, &arc_m_s_}) {
     array->assign(n, Vec3::Zero());
   }
   if (model.integrator == Integrator::kNewton) {
@@ -94,7 +95,10 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   }
   SetScale(state, dt_s);
   if (!rows_.empty()) rows_.Begin(state.position_m);
-  if (explicit_n_.empty()) return;
+  if (explicit_n_.empty()) {
+    arcs_.Update(state, dt_s);
+    return;
+  }
   EvaluateStiff(in);
   for (std::size_t p = 0; p < explicit_n_.size(); ++p) {
     explicit_n_[p] = start_total_n_[p] - elastic_n_[p];
@@ -118,8 +122,10 @@ void ImplicitSolver::SetScale(const State& state, double dt_s) {
 void ImplicitSolver::Prescribe(const State& state, std::span<const RigidGroup> groups) {
   for (std::size_t p = 0; p < prescribed_m_s_.size(); ++p) {
     const int zone = state.contacts.zone_of[p];
+    arc_m_s_[p].setZero();
     if (system_.active(static_cast<int>(p))) {
-      prescribed_m_s_[p].Set(state.velocity_m_s[p]);
+      if (zone < 0) arc_m_s_[p] = arcs_.At(model_.body_of[p], state.position_m[p]);
+      prescribed_m_s_[p].Set(state.velocity_m_s[p] - arc_m_s_[p]);
     } else if (zone >= 0 && groups[zone].driven() && !model_.fixed[p]) {
       prescribed_m_s_[p].Set(groups[zone].VelocityAt(state.position_m[p]));
     } else {
@@ -145,7 +151,7 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
   }
   EffectiveForces(groups, dt_s, *state, forces, parallel);
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
-    state->velocity_change_m_s[p] = velocity_m_s_[p] - state->velocity_m_s[p];
+    state->velocity_change_m_s[p] = velocity_m_s_[p] + arc_m_s_[p] - state->velocity_m_s[p];
   }
 }
 
@@ -160,12 +166,13 @@ void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt
     if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
     const Vec3 product =
         system_.active(p) ? product_[p].vec() : system_.MultiplyRow(p, prescribed_m_s_);
-    residual[p].Set(model_.mass_kg[p] * state.velocity_m_s[p] + dt_s * start_total_n_[p] - product);
+    const Vec3 velocity = state.velocity_m_s[p] - arc_m_s_[p];
+    residual[p].Set(model_.mass_kg[p] * velocity + dt_s * start_total_n_[p] - product);
   }
 }
 
-// In terms of v_{n+1}: A v_{n+1} = M v_n + dt f, f without the damping of stiff effects, which is
-// linear.
+// In terms of u = v_{n+1} - c: A u = M (v_n - c) + dt f, f without the damping of stiff effects,
+// which is linear.
 void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* parallel) {
   for (std::size_t p = 0; p < direction_.size(); ++p) {
     for (int k = 0; k < 3; ++k) {
@@ -176,7 +183,7 @@ void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* p
   for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(model_.mass_kg[p] * state.velocity_m_s[p] + dt_s * start_total_n_[p] +
+    residual_ns_[p].Set(model_.mass_kg[p] * prescribed_m_s_[p].vec() + dt_s * start_total_n_[p] +
                         rows_.ImpulseOn(static_cast<int>(p)) - product_[p].vec());
   }
 }
@@ -192,6 +199,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
       system_.Solve(std::max(effort_.tolerance * scale, round_off_), model_.max_iterations,
                     change_m_s_, residual_ns_, parallel);
   iterations_ = result.iterations;
+  system_.BalanceTurns(change_m_s_, residual_ns_, parallel);
   system_.Balance(change_m_s_, residual_ns_);
   if (!rows_.empty()) {
     MeetRows(dt_s, state, parallel, report);
@@ -209,7 +217,8 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
 // The worst row's relative error where the velocities found lead.
 double ImplicitSolver::MeasureRows(double dt_s, const State& state) {
   for (std::size_t p = 0; p < position_m_.size(); ++p) {
-    position_m_[p] = state.position_m[p] + dt_s * (prescribed_m_s_[p].vec() + change_m_s_[p].vec());
+    const Vec3 velocity = prescribed_m_s_[p].vec() + change_m_s_[p].vec() + arc_m_s_[p];
+    position_m_[p] = state.position_m[p] + dt_s * velocity;
   }
   return rows_.Measure(dt_s, position_m_);
 }
@@ -269,8 +278,9 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
   for (int p = 0; p < model_.particle_count(); ++p) {
     const Vec3 momentum = model_.mass_kg[p] * velocity_m_s_[p];
     if (system_.active(p) && state.contacts.zone_of[p] < 0) {
-      forces.total[p] =
-          (momentum - model_.mass_kg[p] * state.velocity_m_s[p] - rows_.ImpulseOn(p)) / dt_s;
+      forces.total[p] = (momentum + model_.mass_kg[p] * (arc_m_s_[p] - state.velocity_m_s[p]) -
+                         rows_.ImpulseOn(p)) /
+                        dt_s;
     } else if (newton) {
       forces.total[p] = explicit_n_[p] + elastic_n_[p] + damping_n_[p];
     } else {

@@ -8,6 +8,7 @@
 #include "core/model/effect.h"
 #include "core/model/frame.h"
 #include "core/model/state.h"
+#include "core/solve/arcs.h"
 #include "core/solve/implicit_rows.h"
 #include "core/solve/rigid_group.h"
 #include "core/solve/subspace_system.h"
@@ -18,7 +19,8 @@ namespace adhesim {
 // their stiffness; the others stay explicit.
 //
 // Linearly implicit: one linear system for dv = v_{n+1} - v_n,
-//   A dv = dt (f(x_n, v_n) - dt K v_n),  A = M + dt D + dt^2 K.
+//   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
+// c the way from tangents to arcs of free bodies that turn (Arcs).
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
@@ -141,8 +143,10 @@ class ImplicitSolver {
   std::vector<Vec3> elastic_n_, damping_n_;      // of stiff effects, evaluated anew
   std::vector<Vec3> position_m_, velocity_m_s_;  // where they were
   std::vector<double> effect_state_;
-  std::vector<Padded> prescribed_m_s_;  // v_n; what is held: its velocity to come
-  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - prescribed_m_s_
+  Arcs arcs_;
+  std::vector<Vec3> arc_m_s_;  // linear steps: c, see Arcs; 0 where zones turn by themselves
+  std::vector<Padded> prescribed_m_s_;  // v_n - c; what is held: its velocity to come
+  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
   std::vector<Padded> without_rows_m_s_;           // Newton with rows only

@@ -68,6 +68,7 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
   component_.assign(model.bodies.size(), 0);
   stiffness_sum_.assign(model.bodies.size(), Mat3::Zero());
   balance_.assign(model.bodies.size(), Vec3::Zero());
+  turns_.resize(model.bodies.size());
   zones_.reserve(n);
   chunk_sum_.assign((n + kChunk - 1) / kChunk, 0);
   for (auto* array : {&p_, &ap_, &z_}) array->assign(n, Padded{});
@@ -153,64 +154,6 @@ void SubspaceSystem::SetZones(const State& state, std::span<const RigidGroup> gr
     zones_.push_back({z, group.pivot_m, InverseOf(group, state, z)});
   }
   FindLoose(state, groups);
-}
-
-void SubspaceSystem::FindLoose(const State& state, std::span<const RigidGroup> groups) {
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    const int zone = state.contacts.zone_of[p];
-    loose_[p] = active_[p] && (zone < 0 || groups[zone].freedom == RigidGroup::Freedom::kFree);
-  }
-  joined_.Reset();
-  for (const Zone& zone : contacts_zones_) {
-    const auto members = members_.subspan(zone.first, zone.count);
-    // The first may be carried, and then is not loose whatever its zone is.
-    const auto first =
-        std::find_if(members.begin(), members.end(), [&](int p) { return loose_[p]; });
-    if (first == members.end()) continue;
-    for (int p : members) joined_.Unite(model_.body_of[*first], model_.body_of[p]);
-  }
-  for (std::size_t b = 0; b < component_.size(); ++b)
-    component_[b] = joined_.Root(static_cast<int>(b));
-  // Rows of stiffness sum to zero: a row of A Z is the mass, less what is not loose.
-  std::fill(stiffness_sum_.begin(), stiffness_sum_.end(), Mat3::Zero());
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) {
-      stiffness_sum_[component_[model_.body_of[p]]] += model_.mass_kg[p] * Mat3::Identity();
-      continue;
-    }
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (loose_[q]) stiffness_sum_[component_[model_.body_of[q]]] -= matrix_.At(k);
-    }
-  }
-}
-
-void SubspaceSystem::Balance(std::span<Padded> x, std::span<Padded> r) const {
-  std::fill(balance_.begin(), balance_.end(), Vec3::Zero());
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) balance_[component_[model_.body_of[p]]] += r[p].vec();
-  }
-  for (std::size_t body = 0; body < balance_.size(); ++body) {
-    if (component_[body] != static_cast<int>(body)) continue;
-    const Mat3& sum = stiffness_sum_[body];
-    balance_[body] = sum.trace() > 0
-                         ? Vec3((0.5 * (sum + sum.transpose())).inverse() * balance_[body])
-                         : Vec3::Zero();
-  }
-  const auto of = [&](int p) -> const Vec3& { return balance_[component_[model_.body_of[p]]]; };
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) {
-      x[p].Set(x[p].vec() + of(p));
-      r[p].Set(r[p].vec() - model_.mass_kg[p] * of(p));
-      continue;
-    }
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (!loose_[q]) continue;
-      r[q].Set(r[q].vec() + matrix_.At(k).transpose() * of(q));
-      if (active_[p]) r[p].Set(r[p].vec() - matrix_.At(k) * of(q));
-    }
-  }
 }
 
 double SubspaceSystem::SumChunks() const {
