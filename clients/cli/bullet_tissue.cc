@@ -236,12 +236,6 @@ BulletTissue::BulletTissue(const Model& model, double dt_s, const BulletSettings
   btSoftBodyWorldInfo& info = world.getWorldInfo();
   info.m_gravity.setZero();  // a force of its own, below
   info.air_density = 0;
-  if (model.adhesive) {
-    // Of the field of distances around obstacles: between its nodes it does not see what is
-    // thinner.
-    info.m_sparsesdf.setDefaultVoxelsz(static_cast<btScalar>(2 * margin()));
-    info.m_sparsesdf.Reset();
-  }
   world.setGravity(btVector3(0, 0, 0));
   world.setImplicit(settings.implicit);
   world.setLineSearch(false);

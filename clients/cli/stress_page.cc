@@ -42,12 +42,7 @@ std::string Square(std::string_view outcome, std::string_view title) {
 // first case that has them all.
 std::vector<std::string> Columns(const StressReport& report) {
   std::vector<std::string> columns = {"default"};
-  for (const BulletVariant& variant : kBulletVariants) {
-    const auto has = [&](const StressCell& cell) { return cell.variant == variant.name; };
-    if (std::any_of(report.bullet.begin(), report.bullet.end(), has)) {
-      columns.emplace_back(variant.name);
-    }
-  }
+  for (const std::string& variant : report.BulletVariants()) columns.push_back(variant);
   for (const StressCell& cell : report.cells) {
     if (std::find(columns.begin(), columns.end(), cell.variant) == columns.end()) {
       columns.push_back(cell.variant);
@@ -123,16 +118,17 @@ std::string BulletCounts(const StressReport& report) {
 // The cases that both have, side by side.
 std::string BesideBullet(const StressReport& report) {
   HtmlTable table{"", {"case", "ours"}, {false, false}, {}};
-  for (const BulletVariant& variant : kBulletVariants) {
-    table.headers.push_back(Text(variant.name));
+  const std::vector<std::string> variants = report.BulletVariants();
+  for (const std::string& variant : variants) {
+    table.headers.push_back(Text(variant));
     table.numeric.push_back(false);
   }
   for (const StressCase& one : StressCases()) {
     const StressCell* ours = report.Find(one.name, "default");
     std::vector<std::string> row = {Text(one.name), ours == nullptr ? "" : Text(ours->outcome)};
     bool expressible = false;
-    for (const BulletVariant& variant : kBulletVariants) {
-      const StressCell* cell = report.Find(one.name, variant.name);
+    for (const std::string& variant : variants) {
+      const StressCell* cell = report.Find(one.name, variant);
       expressible = expressible || (cell != nullptr && cell->outcome != kNotExpressible);
       const std::string cause = cell == nullptr || cell->cause.empty() ? "" : ": " + cell->cause;
       row.push_back(cell == nullptr ? "" : Text(cell->outcome + cause));

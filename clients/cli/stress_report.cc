@@ -126,6 +126,15 @@ int StressReport::CountBullet(std::string_view variant, std::string_view outcome
   }));
 }
 
+std::vector<std::string> StressReport::BulletVariants() const {
+  std::vector<std::string> names;
+  for (const BulletVariant& variant : kBulletVariants) {
+    const auto has = [&](const StressCell& cell) { return cell.variant == variant.name; };
+    if (std::any_of(bullet.begin(), bullet.end(), has)) names.emplace_back(variant.name);
+  }
+  return names;
+}
+
 StressCell BulletCellOf(const StressCase& stress_case, const BulletVariant& variant,
                         const BulletCase& bullet_case, const std::string& commit) {
   const std::string& why = bullet_case.not_expressible;

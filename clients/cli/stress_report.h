@@ -50,6 +50,8 @@ struct StressReport {
   int Count(std::string_view outcome) const;
   // How many of Bullet's cells of a variant have.
   int CountBullet(std::string_view variant, std::string_view outcome) const;
+  // Those of kBulletVariants that were run, by name.
+  std::vector<std::string> BulletVariants() const;
 };
 
 // Steps that Bullet is given: ours of the scene, and a short one, which does more for it than

@@ -18,10 +18,11 @@ namespace {
 using ::testing::HasSubstr;
 
 // A beam of one layer, bent by its weight by 0.7 mm and braked. Ours solves to the end, so that
-// nothing of the solver is left in what is compared.
+// nothing of the solver is left in what is compared, and is refused explicit steps: without them
+// Bullet's are the most accurate, and still not to be recommended.
 std::string BeamOf(const std::string& elasticity) {
   return "rate_hz: 400\n"
-         "integration: {tolerance: 1e-8}\n"
+         "integration: {tolerance: 1e-8, max_substeps: 1}\n"
          "bodies:\n"
          "  - name: beam\n"
          "    block: {size_m: [0.4, 0.05, 0.05]}\n"
@@ -140,6 +141,34 @@ TEST(BulletTissue, TellsWhatItCannotExpress) {
   EXPECT_TRUE(rival.dial.settings.empty());
 }
 
+// A cube falls by 2 mm onto a sheet, and rests within the capture distance above it.
+TEST(BulletTissue, RestsOnAFloor) {
+  const auto model = ModelOf(
+      "rate_hz: 240\n"
+      "bodies:\n"
+      "  - {name: floor, sheet: {length_m: 0.1, width_m: 0.1, columns: 5, rows: 5}, mass_kg: 1, "
+      "fixed: [all: true]}\n"
+      "  - {name: cube, block: {size_m: [0.02, 0.02, 0.02]}, tetrahedra: {cells: 2}, position_m: "
+      "[-0.0014, -0.0014, 0.0123], density_kg_m3: 1000}\n"
+      "effects:\n"
+      "  - elasticity: {young_modulus_pa: 2e6, stiffness_damping_s: 0.005}\n"
+      "  - uniform_gravity: {}\n"
+      "  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 100}\n");
+  ASSERT_EQ(BulletTissue::WhyNot(*model), "");
+  BulletTissue bullet(*model, model->dt_s, BulletSettings());
+  for (int step = 0; step < 60; ++step) bullet.Step();
+  EXPECT_GT(bullet.contacts(), 0);
+  std::vector<Vec3> position_m, velocity_m_s;
+  bullet.Read(&position_m, &velocity_m_s);
+  double lowest_m = 1;
+  for (int p = 0; p < model->particle_count(); ++p) {
+    if (!model->fixed[p]) lowest_m = std::min(lowest_m, position_m[p].z());
+    EXPECT_TRUE(!model->fixed[p] || position_m[p] == model->rest_position_m[p]) << p;
+  }
+  EXPECT_GT(lowest_m, 0);
+  EXPECT_LE(lowest_m, 0.001);
+}
+
 // Bullet puts to sleep what is slower than 0.04 m/s for two seconds. In honey this is.
 TEST(BulletTissue, NeverSleeps) {
   const auto model = ModelOf(
@@ -207,11 +236,15 @@ TEST(BulletCase, TouchesObstaclesAndIsPulledThroughASlot) {
   EXPECT_GT(made.result.figures.fallen_m, 1);
 }
 
-// Ten cubes that rest on each other: energy comes from nowhere, or numbers end.
-TEST(BulletCase, SeesWhatDiverges) {
-  const BulletCase made = RunCase(CaseOf("stack_of_ten"));
-  EXPECT_EQ(made.result.outcome, StressOutcome::kFailed);
-  EXPECT_FALSE(made.result.cause.empty());
+// Cubes of 10^2 to 10^8 Pa fall onto a floor: energy comes from nowhere at 1 ms, and at 5 ms
+// numbers end.
+TEST(BulletCase, SeesWhatDivergesAndWhatGainsEnergy) {
+  StressCase one = CaseOf("youngs_sweep");
+  one.duration_s = 0.15;
+  EXPECT_THAT(RunCase(one).result.cause, HasSubstr("non-finite"));
+  const BulletCase fine = RunCase(one, 0.001);
+  EXPECT_THAT(fine.result.cause, HasSubstr("energy above what was put in"));
+  EXPECT_EQ(fine.result.outcome, StressOutcome::kFailed);
 }
 
 TEST(BulletCase, TellsWhatIsNotExpressible) {
