@@ -13,7 +13,7 @@ Patches::Patches(const Model& model) : model_(model) {
 void Patches::Mark(const Contacts& contacts) {
   groups_.Reset();
   for (const Bond& bond : contacts.bonds) {
-    if (bond.tool >= 0 || bond.sliding) continue;
+    if (bond.tool >= 0 || bond.sliding || ToGround(bond, model_)) continue;
     int heaviest = -1;
     for (int k = 0; k < 3; ++k) {
       if (bond.vertices[k] >= 0 && (heaviest < 0 || bond.weights[k] > bond.weights[heaviest]))

@@ -82,6 +82,7 @@ bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
     old_size_.push_back(zone.count);
   }
   CollectZones(contacts);
+  if (!patches_.empty()) CountGround(contacts);
   return KeepIds(contacts) < static_cast<int>(old_id_.size());
 }
 
@@ -118,6 +119,11 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
       if (bond.holds_particle && bond.holds_partner &&
           (whole || InOnePatch(bond.particle, bond.partner)))
         Unite(bond.particle, bond.partner);
+      if (Grounds(bond)) {  // no tool has been united with anything yet
+        if (bond.holds_particle) prescriber_[sets_.Root(bond.particle)] = kGround;
+        if (bond.holds_partner) prescriber_[sets_.Root(bond.partner)] = kGround;
+        continue;
+      }
       for (std::int32_t& v : bond.vertices) {
         if (v < 0 || !(whole || InOnePatch(anchor, v))) continue;
         if (!UniteMember(anchor, v)) {
@@ -130,9 +136,11 @@ void ZoneBuilder::UniteBonds(Contacts* contacts, StepReport* report) {
   std::erase_if(contacts->bonds, [](const Bond& bond) { return !bond.Holds(); });
   std::fill(colliding_.begin(), colliding_.end(), 0);
   for (const Bond& bond : contacts->bonds) {
+    const bool grounds = Grounds(bond);
     bond.ForEachMember([&](int p) {
       colliding_[p] = 1;
-      if (!bond.sliding && !bond.tied) MarkMember(p);
+      const bool corner = p != bond.particle && p != bond.partner;
+      if (!bond.sliding && !bond.tied && !(grounds && corner)) MarkMember(p);
     });
   }
   contacts->colliding_particles =
@@ -203,6 +211,18 @@ void ZoneBuilder::CollectZones(Contacts* contacts) {
       zone.bodies += body != last;
       last = body;
     }
+  }
+}
+
+// Corners of the ground that zones stick to hold them as their own fixed members do.
+void ZoneBuilder::CountGround(Contacts* contacts) const {
+  for (const Bond& bond : contacts->bonds) {
+    if (!Grounds(bond)) continue;
+    const int member = bond.holds_particle ? bond.particle : bond.partner;
+    contacts->zones[contacts->zone_of[member]].pins += 3;
+    if (!bond.holds_particle || !bond.holds_partner) continue;
+    const int other = contacts->zone_of[bond.partner];
+    if (other != contacts->zone_of[member]) contacts->zones[other].pins += 3;
   }
 }
 

@@ -59,7 +59,13 @@ class ZoneBuilder {
     return patches_.empty() || patches_.CubeOf(a) == patches_.CubeOf(b) ||
            model_.bodies[model_.body_of[a]].rigid || model_.bodies[model_.body_of[b]].rigid;
   }
+  // A bond that holds a patch to the ground, whose corners are then no members.
+  bool Grounds(const Bond& bond) const {
+    return !patches_.empty() && bond.tool < 0 && !bond.sliding && !bond.tied &&
+           bond.calm != kAcrossPatches && Patches::ToGround(bond, model_);
+  }
   void UniteBonds(Contacts* contacts, StepReport* report);
+  void CountGround(Contacts* contacts) const;
   void UniteRigidBodies();
   void UniteMeshEdges();
   void CollectZones(Contacts* contacts);

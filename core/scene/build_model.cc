@@ -283,7 +283,7 @@ void WarnOfWideCells(const v1::Scene& scene, const Model& model, Problems* probl
 }
 
 // A patch holds one vertex of each side: where that has a long way to the next, the patch turns
-// about it and swings off.
+// about it and swings off. Fixed triangles hold what sticks to them whatever their size.
 void WarnOfSmallPatches(const v1::Scene& scene, const Model& model, Problems* problems) {
   if (!model.adhesive || !model.adhesive->patch_size_m) return;
   int effect = 0;
@@ -291,7 +291,7 @@ void WarnOfSmallPatches(const v1::Scene& scene, const Model& model, Problems* pr
   for (std::size_t b = 0; b < model.bodies.size(); ++b) {
     const Body& body = model.bodies[b];
     const bool is_copy = b > 0 && model.bodies[b - 1].scene_name == body.scene_name;
-    if (body.rigid || body.triangle_count == 0 || is_copy) continue;
+    if (body.rigid || body.all_fixed || body.triangle_count == 0 || is_copy) continue;
     double edges_m = 0;
     for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
       for (int k = 0; k < 3; ++k) {

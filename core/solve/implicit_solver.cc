@@ -314,7 +314,9 @@ void ImplicitSolver::MatchFreeZones(std::span<const RigidGroup> groups, double d
     }
     const Twist twist = group.Response(impulse, moment);
     Vec3 sum = Vec3::Zero();
+    int pins = 0;
     for (int p : members) {
+      pins += model_.fixed[p];
       if (!system_.active(p)) continue;
       const Vec3 force =
           (model_.mass_kg[p] / dt_s) *
@@ -323,7 +325,7 @@ void ImplicitSolver::MatchFreeZones(std::span<const RigidGroup> groups, double d
       sum += force;
     }
     for (int p : members) {
-      if (model_.fixed[p]) force_n[p] -= sum / zone.pins;
+      if (model_.fixed[p]) force_n[p] -= sum / pins;
     }
   }
 }

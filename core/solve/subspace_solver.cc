@@ -85,6 +85,13 @@ void SubspaceSolver::FormGroups(const State& state, std::span<const Twist> tool_
     }
     groups_.push_back(RigidGroup::Of(Members(state.contacts, z), state.position_m, model_.mass_kg,
                                      model_.fixed, tool >= 0 ? &state.tools[tool].pose : nullptr));
+    // Fixed corners that hold it without being members: three of a triangle.
+    if (const int pins = state.contacts.zones[z].pins; pins > 0) {
+      const auto members = Members(state.contacts, z);
+      const auto fixed = [&](int p) { return model_.fixed[p] != 0; };
+      if (pins > std::count_if(members.begin(), members.end(), fixed))
+        groups_.back().freedom = RigidGroup::Freedom::kLocked;
+    }
     if (tool >= 0) groups_.back().twist = tool_twist[tool];
   }
 }
