@@ -109,7 +109,7 @@ TEST(AccuracyStudy, TellsWhichDialsASceneDoesNotHave) {
         << dial.name << ": " << dial.not_offered;
     offered += dial.not_offered.empty();
   }
-  EXPECT_EQ(offered, 6);
+  EXPECT_EQ(offered, 7);
 }
 
 // A tool presses a small block.
@@ -199,6 +199,23 @@ TEST(AccuracyReferences, AreOfOneCodeWhereThereIsNoTimeForTheOther) {
   EXPECT_THAT(rich.reference.name, HasSubstr("explicit"));
   EXPECT_THAT(rich.second->name, HasSubstr("newton"));
   EXPECT_EQ(rich.second->rate_hz, 1600);
+}
+
+// Frames of a governed session say what a rung is expected to cost; a study says what it does.
+TEST(AccuracyStudy, MeasuresWhatTheGovernorGivesUp) {
+  const AccuracyStudy& study = BeamStudy();
+  ASSERT_FALSE(study.rungs.empty());
+  EXPECT_EQ(study.rungs[0].name, "iterations");
+  for (const AccuracyRung& rung : study.rungs) {
+    ASSERT_GE(rung.point, 0);
+    EXPECT_EQ(study.points[rung.point].setting.kind, DialKind::kModel);
+    EXPECT_THAT(study.points[rung.point].setting.name, HasSubstr(rung.name));
+    ASSERT_TRUE(rung.position);
+    EXPECT_FALSE(rung.force);  // it has no tools
+    EXPECT_LE(*rung.position, rung.declared_position);
+  }
+  // A tolerance five times as large is seen, however small both are.
+  EXPECT_GT(*study.rungs.back().position, 0);
 }
 
 // z = -(g / c) (t - (1 - e^{-ct}) / c) for every particle.
