@@ -76,7 +76,9 @@ class Study {
     if (study_.points[0].not_run) return NoTime();
     if (const absl::Status s = MakeReferences(); !s.ok()) return s;
     for (int round = 0; round < options_.repeats; ++round) {
-      for (std::size_t i = round == 0 ? 1 : 0; i < study_.points.size(); ++i) Measure(i);
+      for (const std::size_t i : Order()) {
+        if (round > 0 || i > 0) Measure(i);
+      }
     }
     if (Stopped()) return absl::CancelledError("interrupted");
     Judge();
@@ -140,6 +142,21 @@ class Study {
       }
     }
     subjects_.resize(study_.points.size());
+  }
+
+  // The first setting of each dial, then the second: a budget that ends early leaves none without.
+  std::vector<std::size_t> Order() const {
+    std::vector<std::size_t> order;
+    std::size_t most = 0;
+    for (const AccuracyDial& dial : study_.dials) most = std::max(most, dial.settings.size());
+    for (std::size_t k = 0; k < most; ++k) {
+      std::size_t first = 0;
+      for (const AccuracyDial& dial : study_.dials) {
+        if (k < dial.settings.size()) order.push_back(first + k);
+        first += dial.settings.size();
+      }
+    }
+    return order;
   }
 
   // What a session gives up under load, all along.

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -129,6 +130,25 @@ constexpr char kPressed[] =
     "effects:\n"
     "  - elasticity: {young_modulus_pa: 5000, stiffness_damping_s: 0.002}\n"
     "  - virtual_adhesive: {capture_distance_m: 0.001}\n";
+
+// The first setting of each dial, then the second: a budget that ends early leaves none without.
+TEST(AccuracyStudy, TriesEveryDialBeforeItTriesOneTwice) {
+  const SceneFile file = SceneOf(kPressed);
+  std::vector<std::string> said;
+  AccuracyOptions options;
+  options.quick = true;
+  options.repeats = 1;
+  options.seconds = 0.1;
+  options.progress = [&](const std::string& what) { said.push_back(what); };
+  ASSERT_TRUE(StudyAccuracy(file.scene, file.directory, options).ok());
+  const auto place = [&](const std::string& what) {
+    return std::find(said.begin(), said.end(), what) - said.begin();
+  };
+  EXPECT_LT(place("newton, 100 Hz"), place("50 Hz"));
+  EXPECT_LT(place("neo_hookean"), place("50 Hz"));
+  EXPECT_LT(place("50 Hz"), place("25 Hz"));
+  EXPECT_LT(place("25 Hz"), static_cast<std::ptrdiff_t>(said.size()));
+}
 
 std::vector<std::string> ZoneSettingsOf(const std::string& adhesive) {
   const SceneFile file = SceneOf(
