@@ -203,7 +203,8 @@ std::string TableOf(const AccuracyStudy& study, DialKind kind, const std::string
       row.push_back(cost.repeats > 0 ? Number(value) : "\u2013");
     }
     if (!point.failed.empty()) {
-      row.push_back(Wide("<span class=\"fails\">failed</span> " + Text(point.failed)));
+      row.push_back("<span class=\"wider\"><span class=\"fails\">failed</span> " +
+                    Text(point.failed) + "</span>");
     } else if (point.not_run) {
       row.push_back("no time left");
     } else {
