@@ -31,6 +31,7 @@ struct Arguments {
   double rate_hz = 0;
   int threads = 1;
   int fidelity = 0;
+  double step_budget_s = 0;
   bool realtime = false;
   bool strict_realtime = false;
   std::string record;
@@ -74,10 +75,15 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
     return kExitBadInput;
   }
   (*engine)->SetFidelity(arguments.fidelity);
+  if (arguments.step_budget_s > 0 && !arguments.realtime && !arguments.strict_realtime) {
+    std::cerr << "error: --step-budget without --realtime or --strict-realtime\n";
+    return kExitBadInput;
+  }
   RunOptions options;
   options.steps = static_cast<std::uint64_t>(steps);
   options.measure_from = static_cast<std::uint64_t>(measure_from);
   options.realtime = arguments.realtime || arguments.strict_realtime;
+  options.step_budget_s = arguments.step_budget_s;
   options.one_thread = arguments.threads == 1;
   (*engine)->TimeStages(std::min(options.steps - options.measure_from, kMostTimedSteps));
   std::unique_ptr<Recorder> recorder;
@@ -135,10 +141,16 @@ void AddRunCommand(CLI::App& app, int* exit_code) {
       ->add_option("--threads", arguments->threads,
                    "Threads that step; the result is the same for any number")
       ->check(CLI::Range(1, 64));
+  CLI::Option* fidelity = command->add_option(
+      "--fidelity", arguments->fidelity,
+      "How many rungs of fidelity are given up to save time (docs/governor.md)");
+  fidelity->check(CLI::Range(0, 100));
   command
-      ->add_option("--fidelity", arguments->fidelity,
-                   "How many rungs of fidelity are given up to save time (docs/governor.md)")
-      ->check(CLI::Range(0, 100));
+      ->add_option("--step-budget", arguments->step_budget_s,
+                   "In real time: fidelity is given up when steps take longer, in s; a session "
+                   "has 0.8 of the period (default: never)")
+      ->check(Between(0.0, 1e3))
+      ->excludes(fidelity);
   command->add_flag("--realtime", arguments->realtime,
                     "Each step waits for its time; counts missed deadlines");
   command->add_flag("--strict-realtime", arguments->strict_realtime,

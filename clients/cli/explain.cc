@@ -69,6 +69,7 @@ void AddStages(const SceneFile& file, const Engine& engine, Json* explanation) {
   static constexpr std::pair<const char*, const char*> kOptional[] = {
       {"detect", "Looks for what is near: no effect of the scene is one of contact."},
       {"zones", "Takes hold and lets go: the scene has no virtual_adhesive."},
+      {"sleep", "Leaves out what rests: the scene has no sleep, or it is switched off."},
       {"tools", "Moves tools: the scene has none."},
       {"error", "Bounds tools' forces: no tool meets implicit forces."}};
   for (const auto& [name, why] : kOptional) {

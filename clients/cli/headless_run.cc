@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cmath>
 
+#include "server/governor.h"
 #include "server/session.h"
 
 namespace adhesim {
@@ -103,6 +104,9 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
   statistics.peak_force_n.assign(engine->model().tools.size(), 0);
   statistics.force_error_n.assign(engine->model().tools.size(), -1);
   SessionFrame seen = MakeSessionFrame(*engine);
+  const int rungs = static_cast<int>(engine->rungs().size());
+  statistics.steps_without.assign(rungs + 1, 0);
+  Governor governor({options.step_budget_s, engine->model().dt_s, rungs});
   const clockid_t cpu_clock =
       options.one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_PROCESS_CPUTIME_ID;
   const double dt_s = engine->model().dt_s;
@@ -113,6 +117,12 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
     statistics.interrupted = stop.load();
     if (statistics.interrupted) break;
 
+    if (governor.budget_s() > 0 && engine->fidelity() != governor.rung()) {
+      engine->SetFidelity(governor.rung());
+      seen.fidelity = FidelityOf(*engine);
+      seen.fidelity.changes = governor.changes();
+      seen.fidelity.budget_s = governor.budget_s();
+    }
     Stopwatch clock(cpu_clock);
     StepReport report;
     clock.Time([&] { report = engine->Step({}); });
@@ -126,6 +136,7 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
       clock.Time([&] { options.observer->OnStep(*engine, {}, seen, !options.realtime); });
     }
     const double wall_after_s = Now(CLOCK_MONOTONIC);
+    governor.Observe(1e-3 * clock.wall_ms);
 
     // A missed deadline is counted once: the schedule goes on from there, without a debt.
     due_s += dt_s;
@@ -133,6 +144,8 @@ RunStatistics RunHeadless(Engine* engine, const RunOptions& options,
     if (missed) due_s = wall_after_s;
     if (step < options.measure_from) continue;
     if (missed) ++statistics.deadline_misses;
+    ++statistics.steps_without[engine->fidelity()];
+    statistics.fidelity_changes = governor.changes();
     statistics.wall_ms.push_back(static_cast<float>(clock.wall_ms));
     statistics.cpu_ms.push_back(static_cast<float>(clock.cpu_ms));
     engine->WriteFrame(&seen.frame);

@@ -28,6 +28,8 @@ struct RunStatistics {
   std::uint64_t steps = 0;             // made in all
   std::vector<float> wall_ms, cpu_ms;  // of each step measured
   std::int64_t deadline_misses = 0;    // with real time only
+  std::uint64_t fidelity_changes = 0;
+  std::vector<std::uint64_t> steps_without;  // [#rungs + 1] measured with so many given up
   bool interrupted = false;
   std::uint32_t report_bits = 0;       // StepBit of any step
   std::int64_t unconverged_steps = 0;  // in which the implicit solver stopped at max_iterations
@@ -45,6 +47,7 @@ struct RunOptions {
   std::uint64_t steps = 0;
   std::uint64_t measure_from = 0;    // < steps
   bool realtime = false;             // each step begins no earlier than its time
+  double step_budget_s = 0;          // fidelity is given up when steps take longer; 0: never
   bool one_thread = true;            // the engine works on the calling thread only
   StepObserver* observer = nullptr;  // records; its time counts as the step's
 };

@@ -91,6 +91,14 @@ void AddTimes(const Engine& engine, const RunOptions& options, const RunStatisti
       1e-3 * std::accumulate(statistics.wall_ms.begin(), statistics.wall_ms.end(), 0.0);
   (*report)["realtime_factor"] = simulated_s / wall_s;
   if (options.realtime) (*report)["deadline_misses"] = statistics.deadline_misses;
+  if (options.step_budget_s > 0) {
+    Json rungs = Json::array();
+    for (const FidelityRung& rung : engine.rungs()) rungs.push_back(rung.name);
+    (*report)["fidelity"] = {{"step_budget_s", options.step_budget_s},
+                             {"changes", statistics.fidelity_changes},
+                             {"rungs", rungs},
+                             {"steps_without", statistics.steps_without}};
+  }
   (*report)["stages"] = StagesJson(engine);
 }
 
@@ -105,6 +113,15 @@ std::string TimesText(const Json& report) {
   if (report.contains("deadline_misses")) {
     absl::StrAppend(&text, "deadlines ", report["deadline_misses"].get<std::int64_t>(),
                     " missed\n");
+  }
+  if (report.contains("fidelity")) {
+    const Json& steps = report["fidelity"]["steps_without"];
+    absl::StrAppend(&text, "fidelity  ", steps[0].get<std::uint64_t>(), " steps in full");
+    for (std::size_t rung = 1; rung < steps.size(); ++rung) {
+      absl::StrAppend(&text, ", ", steps[rung].get<std::uint64_t>(), " with ", rung,
+                      " rungs given up");
+    }
+    absl::StrAppend(&text, "\n");
   }
   for (const Json& stage : report["stages"]) {
     absl::StrAppend(

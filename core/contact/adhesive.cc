@@ -24,12 +24,12 @@ std::tuple<int, int, int, int, int> Adhesive::Key(const Bond& bond) {
           bond.partner >= 0 ? OppositeCorner(bond.weights) : 0};
 }
 
-Adhesive::Adhesive(const Model& model) : model_(model), patches_(model), rigid_(model) {
+Adhesive::Adhesive(const Model& model)
+    : model_(model), patches_(model), rigid_(model), carried_(model) {
   if (model.adhesive) {
     capture_distance_m_ = model.adhesive->capture_distance_m;
     release_distance_m_ = model.adhesive->release_distance_m;
   }
-  carried_ = CarriedIndex(model);
   MeasureMeshes();
   limit_.resize(model.rest_position_m.size());
   crack_area_m2_.resize(model.rest_position_m.size());
@@ -217,11 +217,10 @@ bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) con
     return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
   };
   if (held(particle)) return true;
-  if (carried_.empty() || carried_[particle] < 0) return false;
   // What carries it would have to come along.
-  const CarriedParticle& c = model_.carried[carried_[particle]];
-  for (int k = 0; k < 4; ++k) {
-    if (c.weights[k] != 0 && held(c.carriers[k])) return true;
+  const CarriedParticle* c = carried_.Find(particle);
+  for (int k = 0; c && k < 4; ++k) {
+    if (c->weights[k] != 0 && held(c->carriers[k])) return true;
   }
   return false;
 }

@@ -9,6 +9,7 @@
 #include "core/contact/patches.h"
 #include "core/contact/rigid_interfaces.h"
 #include "core/model/bond_geometry.h"
+#include "core/model/carried.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -98,6 +99,12 @@ class Adhesive {
   int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                      StepReport* report);
 
+  // CaptureCrossing() for tools, which move to `moved_tool` [#tools]: capture looked at the motion
+  // that they had before their couplings moved them.
+  int CaptureCrossingByTools(std::span<const NearTool> near, const State& state,
+                             std::span<const Vec3> moved_m, std::span<const Pose> moved_tool,
+                             Contacts* contacts, StepReport* report);
+
   // FollowSliding() for tools: renews where bonds that slide on them touch, drops those that are
   // further apart than d_off, and makes those that friction has stopped stick.
   int FollowSlidingOnTools(std::span<const NearTool> near, const State& state, Contacts* contacts);
@@ -150,6 +157,8 @@ class Adhesive {
                    Contacts* contacts, StepReport* report);
   Bond BondOf(const NearEdges& near, const State& state) const;
   Bond BondOf(const NearPair& near, double time_s) const;
+  // From one gap to the other, a trial step comes too near.
+  bool Approaches(double gap_m, double then_m) const;
   bool Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const;
   bool MoveAsOne(const Contacts& contacts, int triangle, const Vec3& weights, int first,
                  int second) const;
@@ -225,7 +234,7 @@ class Adhesive {
   std::vector<std::int32_t> patch_members_;
   std::vector<double> crack_area_m2_;  // [#particles] of what lets go with it: the crack's step
   RigidInterfaces rigid_;
-  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
+  CarriedLookup carried_;
   enum : std::uint8_t { kHolds, kLetsGo, kSlides };
   std::vector<std::uint8_t> bond_verdict_;  // [#bonds] of rigid interfaces
   std::vector<std::uint8_t> touched_;       // [#particles x #tools] within d_off of the tool

@@ -43,6 +43,10 @@ int Adhesive::DropInside(Contacts* contacts) {
   }));
 }
 
+bool Adhesive::Approaches(double gap_m, double then_m) const {
+  return then_m < kKeep * capture_distance_m_ && then_m < gap_m - kApproach * capture_distance_m_;
+}
+
 // Along the line from one contact point to the other as it is now.
 bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec3> moved_m) const {
   const Triangle& tri = model_.triangles[bond.triangle];
@@ -55,7 +59,7 @@ bool Adhesive::Crosses(const Bond& bond, const State& state, std::span<const Vec
   };
   const BondGeometry now = GeometryOf(bond, model_, state.position_m);
   const double then = now.normal.dot(offset(moved_m));
-  return then < kKeep * capture_distance_m_ && then < now.gap_m - kApproach * capture_distance_m_;
+  return Approaches(now.gap_m, then);
 }
 
 // What touches in one zone cannot cross, nor can a bond change that: of an aggregate that is nearly
@@ -117,6 +121,48 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
     if (MoveAsOne(*contacts, pair.triangle, pair.weights, pair.ends[0], pair.ends[1])) continue;
     const Bond bond = BondOf(pair, state);
     if (Crosses(bond, state, moved_m)) captured += HoldWhole(bond, contacts, report);
+  }
+  report->captures += captured;
+  return captured;
+}
+
+int Adhesive::CaptureCrossingByTools(std::span<const NearTool> near, const State& state,
+                                     std::span<const Vec3> moved_m,
+                                     std::span<const Pose> moved_tool, Contacts* contacts,
+                                     StepReport* report) {
+  int captured = 0;
+  for (const NearTool& pair : near) {
+    const Triangle& tri = model_.triangles[pair.triangle];
+    Vec3 point = Vec3::Zero(), moved_point = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) {
+      point += pair.weights(k) * state.position_m[tri[k]];
+      moved_point += pair.weights(k) * moved_m[tri[k]];
+    }
+    // The tool's own contact point moves with it.
+    const Pose& now = state.tools[pair.tool].pose;
+    const Vec3 on_tool =
+        now.orientation.conjugate() * (point - pair.gap_m * pair.normal - now.position_m);
+    const double then = pair.normal.dot(moved_point - moved_tool[pair.tool] * on_tool);
+    if (!Approaches(pair.gap_m, then)) continue;
+    Bond bond = BondOf(pair, state, *contacts);
+    for (int k = 0; k < 3; ++k) {
+      const bool may = pair.weights(k) > 0 && !HeldAgainst(pair.tool, tri[k], *contacts);
+      bond.vertices[k] = may ? tri[k] : -1;
+    }
+    const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
+    if (at == contacts->bonds.end() || Key(*at) != Key(bond)) {
+      captured += Insert(bond, contacts, report);
+      continue;
+    }
+    bool more = at->sliding;
+    for (int k = 0; k < 3; ++k) {
+      more = more || bond.vertices[k] > at->vertices[k];
+      bond.vertices[k] = std::max(bond.vertices[k], at->vertices[k]);
+    }
+    if (!more) continue;
+    bond.Continue(*at);
+    *at = bond;
+    ++captured;
   }
   report->captures += captured;
   return captured;

@@ -41,7 +41,7 @@ double Pierces(const Vec3& inside, const Vec3& outside, const Vec3& a, const Vec
 
 }  // namespace
 
-Overlap::Overlap(const Model& model) : model_(model) {
+Overlap::Overlap(const Model& model) : model_(model), carried_(model) {
   const std::size_t n = model.rest_position_m.size();
   inside_.reserve(2 * n);
   pair_.reserve(2 * n);
@@ -49,7 +49,6 @@ Overlap::Overlap(const Model& model) : model_(model) {
   at_.assign(n, -1);
   box_.resize(model.bodies.size());
   involved_.resize(model.bodies.size());
-  carried_ = CarriedIndex(model);
   body_mass_kg_.assign(model.bodies.size(), 0);
   held_.assign(model.bodies.size(), 0);
   for (std::size_t p = 0; p < n; ++p) {
@@ -221,22 +220,21 @@ double Overlap::Mobility(int p) const {
   const int b = model_.body_of[p];
   if (model_.fixed[p] || (model_.bodies[b].rigid && held_[b])) return 0;
   if (model_.bodies[b].rigid) return 1 / body_mass_kg_[b];
-  if (carried_.empty() || carried_[p] < 0) return 1 / model_.mass_kg[p];
-  const CarriedParticle& c = model_.carried[carried_[p]];
+  const CarriedParticle* c = carried_.Find(p);
+  if (!c) return 1 / model_.mass_kg[p];
   double mobility = 0;
-  for (int k = 0; k < 4; ++k) mobility += c.weights[k] * c.weights[k] * Mobility(c.carriers[k]);
+  for (int k = 0; k < 4; ++k) mobility += c->weights[k] * c->weights[k] * Mobility(c->carriers[k]);
   return mobility;
 }
 
 void Overlap::Move(int p, const Vec3& push, std::span<Vec3> position_m) const {
   if (model_.bodies[model_.body_of[p]].rigid) {
     MoveBody(model_.body_of[p], Mobility(p) * push, position_m);
-  } else if (carried_.empty() || carried_[p] < 0) {
-    position_m[p] += Mobility(p) * push;
-  } else {
-    const CarriedParticle& c = model_.carried[carried_[p]];
+  } else if (const CarriedParticle* c = carried_.Find(p)) {
     for (int k = 0; k < 4; ++k)
-      position_m[c.carriers[k]] += c.weights[k] * Mobility(c.carriers[k]) * push;
+      position_m[c->carriers[k]] += c->weights[k] * Mobility(c->carriers[k]) * push;
+  } else {
+    position_m[p] += Mobility(p) * push;
   }
 }
 

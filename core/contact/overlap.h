@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/model/carried.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 
@@ -70,9 +71,9 @@ class Overlap {
 
   const Model& model_;
   std::vector<Inside> inside_;
-  std::vector<Aabb> box_;               // [#bodies]
-  std::vector<double> body_mass_kg_;    // [#bodies]
-  std::vector<std::int32_t> carried_;   // [#particles] into Model::carried, -1; or empty
+  std::vector<Aabb> box_;             // [#bodies]
+  std::vector<double> body_mass_kg_;  // [#bodies]
+  CarriedLookup carried_;
   std::vector<std::uint8_t> held_;      // [#bodies] with a fixed particle
   std::vector<Pair> pair_;              // ascending
   std::vector<std::int32_t> involved_;  // [#bodies] how many of inside_ move it, if it is rigid

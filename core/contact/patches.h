@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/model/disjoint_sets.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 
@@ -20,17 +21,15 @@ class Patches {
   // Patches of these bonds; allocates nothing.
   void Mark(const Contacts& contacts);
   // The lowest particle of those that go with it.
-  int FirstOf(int particle);
+  int FirstOf(int particle) { return groups_.Root(particle); }
   // Which cube it goes with.
   using Cube = std::array<std::int32_t, 3>;
   const Cube& CubeOf(int particle) const { return cube_[particle]; }
 
  private:
-  void Unite(int a, int b);
-
   const Model& model_;
-  std::vector<std::int32_t> parent_;  // [#particles]
-  std::vector<Cube> cube_;            // [#particles]
+  DisjointSets groups_;     // of particles
+  std::vector<Cube> cube_;  // [#particles]
 };
 
 }  // namespace adhesim

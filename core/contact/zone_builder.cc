@@ -1,21 +1,17 @@
 #include "core/contact/zone_builder.h"
 
 #include <algorithm>
-#include <numeric>
-
-#include "core/model/carried.h"
 
 namespace adhesim {
 
-ZoneBuilder::ZoneBuilder(const Model& model) : model_(model), patches_(model) {
+ZoneBuilder::ZoneBuilder(const Model& model) : model_(model), carried_(model), patches_(model) {
   const std::size_t nodes = model.rest_position_m.size() + model.bodies.size() + model.tools.size();
-  parent_.resize(nodes);
+  sets_ = DisjointSets(nodes);
   prescriber_.resize(nodes);
   zone_at_root_.resize(nodes);
   member_.resize(model.rest_position_m.size());
   colliding_.resize(model.rest_position_m.size());
   old_zone_of_.resize(model.rest_position_m.size());
-  carried_ = CarriedIndex(model);
   for (auto* array : {&old_id_, &old_size_, &shared_, &heir_, &heir_shared_})
     array->reserve(model.rest_position_m.size());
 }
@@ -29,63 +25,45 @@ void ZoneBuilder::Reserve(const Model& model, Contacts* contacts) {
   contacts->zone_of.assign(n, -1);
 }
 
-int ZoneBuilder::Find(int node) {
-  while (parent_[node] != node) {
-    parent_[node] = parent_[parent_[node]];
-    node = parent_[node];
-  }
-  return node;
-}
-
 bool ZoneBuilder::Unite(int a, int b) {
-  a = Find(a);
-  b = Find(b);
-  if (a == b) return true;
-  const int pa = prescriber_[a], pb = prescriber_[b];
+  const int pa = prescriber_[sets_.Root(a)], pb = prescriber_[sets_.Root(b)];
   if (pa != kNobody && pb != kNobody && pa != pb) return false;
-  // The lower node becomes the root, so that the result does not depend on the order of unions.
-  if (b < a) std::swap(a, b);
-  parent_[b] = a;
-  prescriber_[a] = pa != kNobody ? pa : pb;
+  prescriber_[sets_.Unite(a, b).root] = pa != kNobody ? pa : pb;
   return true;
 }
 
 bool ZoneBuilder::UniteCarriers(int particle) {
-  if (carried_.empty() || carried_[particle] < 0) return true;
-  const CarriedParticle& c = model_.carried[carried_[particle]];
-  for (int k = 0; k < 4; ++k) {
-    if (c.weights[k] != 0 && !Unite(particle, c.carriers[k])) return false;
+  const CarriedParticle* c = carried_.Find(particle);
+  for (int k = 0; c && k < 4; ++k) {
+    if (c->weights[k] != 0 && !Unite(particle, c->carriers[k])) return false;
   }
   return true;
 }
 
 // All or nothing: carriers that stayed united after a refusal would be held by what nobody sees.
 bool ZoneBuilder::UniteMember(int anchor, int particle) {
-  int prescriber = prescriber_[Find(anchor)];
+  int prescriber = prescriber_[sets_.Root(anchor)];
   const auto agrees = [&](int node) {
-    const int other = prescriber_[Find(node)];
+    const int other = prescriber_[sets_.Root(node)];
     if (prescriber == kNobody) prescriber = other;
     return other == kNobody || other == prescriber;
   };
   bool all = agrees(particle);
-  if (!carried_.empty() && carried_[particle] >= 0) {
-    const CarriedParticle& c = model_.carried[carried_[particle]];
-    for (int k = 0; k < 4; ++k) all = all && (c.weights[k] == 0 || agrees(c.carriers[k]));
-  }
+  const CarriedParticle* c = carried_.Find(particle);
+  for (int k = 0; c && k < 4; ++k) all = all && (c->weights[k] == 0 || agrees(c->carriers[k]));
   return all && UniteCarriers(particle) && Unite(anchor, particle);
 }
 
 void ZoneBuilder::MarkMember(int particle) {
   member_[particle] = 1;
-  if (carried_.empty() || carried_[particle] < 0) return;
-  const CarriedParticle& c = model_.carried[carried_[particle]];
-  for (int k = 0; k < 4; ++k) {
-    if (c.weights[k] != 0) member_[c.carriers[k]] = 1;
+  const CarriedParticle* c = carried_.Find(particle);
+  for (int k = 0; c && k < 4; ++k) {
+    if (c->weights[k] != 0) member_[c->carriers[k]] = 1;
   }
 }
 
 bool ZoneBuilder::Rebuild(Contacts* contacts, StepReport* report) {
-  std::iota(parent_.begin(), parent_.end(), 0);
+  sets_.Reset();
   std::fill(prescriber_.begin(), prescriber_.end(), kNobody);
   std::fill(member_.begin(), member_.end(), 0);
   for (int p = 0; p < model_.particle_count(); ++p) {
@@ -191,11 +169,11 @@ void ZoneBuilder::CollectZones(Contacts* contacts) {
   for (int p = 0; p < model_.particle_count(); ++p) {
     contacts->zone_of[p] = -1;
     if (!member_[p]) continue;
-    int& zone_index = zone_at_root_[Find(p)];
+    int& zone_index = zone_at_root_[sets_.Root(p)];
     if (zone_index < 0) {
       zone_index = static_cast<int>(contacts->zones.size());
       contacts->zones.emplace_back();
-      const int prescriber = prescriber_[Find(p)];
+      const int prescriber = prescriber_[sets_.Root(p)];
       contacts->zones.back().tool = prescriber >= 0 ? prescriber : -1;
     }
     contacts->zone_of[p] = zone_index;

@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "core/contact/patches.h"
+#include "core/model/carried.h"
+#include "core/model/disjoint_sets.h"
 #include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
@@ -40,7 +42,6 @@ class ZoneBuilder {
   static constexpr int kNobody = -1;  // who prescribes a component's motion: nobody,
   static constexpr int kGround = -2;  // a fixed particle, or tool number 0, 1, ...
 
-  int Find(int node);
   // False when their prescribers disagree.
   bool Unite(int a, int b);
   // Unite(), with what carries the particle: all of it moves as one.
@@ -66,13 +67,13 @@ class ZoneBuilder {
   int KeepIds(Contacts* contacts);
 
   const Model& model_;
-  std::vector<std::int32_t> parent_;        // [#particles + #bodies + #tools]
+  DisjointSets sets_;                       // of [#particles + #bodies + #tools] nodes
   std::vector<std::int32_t> prescriber_;    // of a root, likewise
   std::vector<std::uint8_t> member_;        // [#particles] is in some zone
   std::vector<std::uint8_t> colliding_;     // [#particles] is part of some bond
-  std::vector<std::int32_t> zone_at_root_;  // likewise as parent_
-  std::vector<std::int32_t> carried_;       // [#particles] into Model::carried, -1; or empty
-  Patches patches_;                         // empty: zones are not cut
+  std::vector<std::int32_t> zone_at_root_;  // likewise
+  CarriedLookup carried_;
+  Patches patches_;  // empty: zones are not cut
   // The old zones, to carry their numbers over.
   std::vector<std::int32_t> old_zone_of_;  // [#particles]
   std::vector<std::int32_t> old_id_;       // [#old zones]

@@ -158,14 +158,21 @@ void Pipeline::Substep(double dt_s, bool first) {
   if (state_.contacts.overlapping && overlap_) Separate();
   if (detector_) DetectAndCapture(dt_s);
   EvaluateForces();
-  if (sleeping_ && first) FallAsleep();
+  if (sleeping_ && first) {
+    FallAsleep();
+    clock_.Lap(sleep_stage_);
+  }
+  if (implicit_ && !AllSleep()) {
+    implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
+    clock_.Lap(solve_stage_);
+  }
   if (tool_set_) {
     MoveTools(dt_s);
     clock_.Lap(tools_stage_);
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  if (force_error_) BoundToolForces(dt_s);
+  if (force_error_ && !AllSleep()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -220,9 +227,9 @@ void Pipeline::EndSliding() {
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
 void Pipeline::Separate() {
-  if (sleeping_) {
+  if (sleeping_ && state_.sleep.bodies > 0) {
     sleeping_->WakeAll(&state_);
-    solver_->Forget();
+    Forget();
   }
   state_.contacts.overlapping = !overlap_->Find(state_.position_m).empty();
   if (!state_.contacts.overlapping) return;
@@ -278,86 +285,6 @@ void Pipeline::EvaluateForces() {
   }
 }
 
-void Pipeline::MoveTools(double dt_s) {
-  for (std::size_t t = 0; t < state_.tools.size(); ++t) tool_pose_[t] = state_.tools[t].pose;
-  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
-    ToolState& tool = state_.tools[t];
-    last_twist_[t] = tool.twist;
-    // What the tool carries: the inertia of its zone, and the forces on it.
-    Vec6 momentum;
-    const Mat6 inertia =
-        ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(static_cast<int>(t), &momentum);
-    Wrench applied = tool.rubbed;
-    for (const Zone& zone : state_.contacts.zones) {
-      if (zone.tool != static_cast<int>(t)) continue;
-      for (int k = zone.first; k < zone.first + zone.count; ++k) {
-        const int p = state_.contacts.zone_members[k];
-        const Vec3 r = state_.position_m[p] - tool.pose.position_m;
-        applied.force_n += total_force_n_[p];
-        applied.torque_nm += r.cross(total_force_n_[p]);
-      }
-    }
-    const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist,
-                                               tool.target, inertia, applied, dt_s);
-    if (result.force_limited) tool.flags |= kToolForceLimited;
-    if (result.speed_limited) tool.flags |= kToolSpeedLimited;
-    coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
-    coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
-    Twist twist = NotIntoHeldTissue(static_cast<int>(t), result.twist);
-    if (tools_can_collide_) twist = Unobstructed(static_cast<int>(t), twist, dt_s);
-    tool_twist_[t] = twist;
-    // One after the other: the next tool sees where this one will be, so that none can pass
-    // another.
-    tool_pose_[t] = Advance(tool.pose, twist, dt_s);
-  }
-}
-
-// The twist without the part that drives the tool into tissue which it cannot take along.
-Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
-  ToolState& tool = state_.tools[t];
-  for (const Adhesive::NearTool& near : near_tools_) {
-    if (near.tool != t || near.gap_m >= model_->adhesive->capture_distance_m) continue;
-    const Triangle& tri = model_->triangles[near.triangle];
-    Vec3 point = Vec3::Zero();
-    bool held = false;
-    for (int k = 0; k < 3; ++k) {
-      point += near.weights(k) * state_.position_m[tri[k]];
-      held = held || (near.weights(k) > Adhesive::kMinWeight &&
-                      adhesive_->HeldAgainst(t, tri[k], state_.contacts));
-    }
-    if (!held) continue;
-    const double into = near.normal.dot(twist.linear_m_s);
-    if (into > 0) {
-      twist.linear_m_s -= into * near.normal;
-      tool.flags |= kToolObstructed;
-    }
-    if (near.normal.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
-      twist.angular_rad_s.setZero();
-      tool.flags |= kToolObstructed;
-    }
-  }
-  return twist;
-}
-
-// The twist without the part that would drive the tool into an obstacle or another tool.
-Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
-  ToolState& tool = state_.tools[t];
-  Vec3 normal;
-  for (int attempt = 0; attempt < 3; ++attempt) {
-    const double fraction =
-        tool_set_->Sweep(t, tool.pose, Advance(tool.pose, twist, dt_s), tool_pose_, &normal);
-    if (fraction >= 1) return twist;
-    tool.flags |= kToolObstructed;
-    const double into = twist.linear_m_s.dot(normal);
-    if (attempt == 0 && into < 0) {
-      twist.linear_m_s -= (1 - fraction) * into * normal;  // slide along it
-    } else {
-      twist = {twist.linear_m_s * fraction, twist.angular_rad_s * fraction};
-    }
-  }
-  return {};
-}
-
 void Pipeline::BoundToolForces(double dt_s) {
   force_error_->Update(state_, solver_->groups(), dt_s, implicit_.get(), &parallel_);
   const double share = dt_s / model_->dt_s;
@@ -373,16 +300,15 @@ void Pipeline::BoundToolForces(double dt_s) {
 // Until nothing lets go any more, and then until nothing passes through anything: what is caught
 // then holds until the next sub-step.
 void Pipeline::Solve(double dt_s) {
-  const ImplicitSolver::Forces forces{{force_n_[0], force_n_[1], force_n_[2], force_n_[3]},
-                                      total_force_n_};
-  if (implicit_) implicit_->Begin(state_, near_, forces, dt_s, &parallel_);
   int passes = 0, caught = 0;
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
-    if (implicit_) {
-      implicit_->Solve(solver_->groups(), dt_s, &state_, forces, &parallel_, &report_);
+    std::span<const double> multipliers;
+    if (implicit_ && !AllSleep()) {
+      implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_);
+      multipliers = implicit_->row_multipliers();
     }
-    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
+    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers);
     if (!adhesive_) return;
     int changes = 0;
     if (releasing && passes < kReleasePasses) {
@@ -396,6 +322,11 @@ void Pipeline::Solve(double dt_s) {
       if (zones_parted_) FindNearEdges();  // those that moved as one are looked at too
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
+      if (tool_contacts_) {
+        changes +=
+            adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
+                                              tool_pose_, &state_.contacts, &report_);
+      }
       if (changes == 0) return;
       if (++caught > kCrossingPasses) {
         report_.bits |= kStepReleasePasses;

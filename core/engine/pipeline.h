@@ -19,6 +19,7 @@
 #include "core/solve/implicit_solver.h"
 #include "core/solve/ledger.h"
 #include "core/solve/subspace_solver.h"
+#include "core/solve/tool_system.h"
 #include "core/tools/coupling.h"
 #include "core/tools/tool_set.h"
 
@@ -57,6 +58,7 @@ class Pipeline : public Engine {
       : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
   absl::Status CompileImplicit();
+  std::vector<const Effect*> RowsOnTissue() const;
   void CompileContact();
   void CompileRungs();
   absl::Status CompileTools();
@@ -68,7 +70,9 @@ class Pipeline : public Engine {
 
   int SubstepsNow();
   Twist ComingTwist(int tool) const;
-  Mat6 CarriedInertia(int tool, Vec6* momentum) const;
+  // Of what the tool's zone carries, about the tip.
+  Mat6 CarriedInertia(int tool) const;
+  Vec6 CarriedMomentum(int tool) const;
   void MeetTools();
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s, bool first);
@@ -98,16 +102,25 @@ class Pipeline : public Engine {
   void Wake();
   void FallAsleep();
   void LeaveOutSleepers();
+  // What solvers keep is not of the state to come.
+  void Forget();
+  // Where anything is implicit, all sleep or none.
+  bool AllSleep() const { return implicit_ && state_.sleep.bodies > 0; }
   void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();
   double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
                           const ForceOutput& out) const;
   void MoveTools(double dt_s);
+  void FollowAgainstForces(int tool, double dt_s);
+  bool MoveWithTissue(double dt_s);
   void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
   void Solve(double dt_s);
+  ImplicitSolver::Forces AllForces() {
+    return {{force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_};
+  }
   bool IsImplicit(const Effect& effect) const { return implicit_ && effect.has_stiffness(); }
   bool Finite() const;
 
@@ -139,7 +152,9 @@ class Pipeline : public Engine {
   std::unique_ptr<ToolContacts> tool_contacts_;
   std::unique_ptr<SubspaceSolver> solver_;
   std::unique_ptr<ImplicitSolver> implicit_;  // null where every force is explicit
-  std::unique_ptr<ForceError> force_error_;   // null without tools or implicit forces
+  // Null without tools or implicit forces.
+  std::unique_ptr<ForceError> force_error_;
+  std::unique_ptr<ToolSystem> tool_system_;
   std::unique_ptr<FrameWriter> frame_writer_;
   bool tools_can_collide_ = false;  // obstacles, or more than one tool
 
@@ -151,6 +166,9 @@ class Pipeline : public Engine {
   std::vector<Twist> tool_twist_;         // [#tools] for the coming sub-step
   std::vector<Twist> last_twist_;         // [#tools] before it
   std::vector<Pose> tool_pose_;           // [#tools]
+  std::vector<Mat6> own_inertia_;         // [#tools] these three of tools that move with tissue
+  std::vector<CouplingLaw> coupling_law_;
+  std::vector<ToolSystem::Law> tool_law_;
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
@@ -169,10 +187,10 @@ class Pipeline : public Engine {
   // What compiling took from the heap; of effects with their state and force arrays.
   struct StageBytes {
     std::vector<std::size_t> effects;
-    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, book = 0;
+    std::size_t detect = 0, zones = 0, tools = 0, solve = 0, error = 0, sleep = 0, book = 0;
   } bytes_;
   int detect_stage_ = 0, zones_stage_ = 0, tools_stage_ = 0, solve_stage_ = 0, error_stage_ = 0,
-      book_stage_ = 0;
+      sleep_stage_ = 0, book_stage_ = 0;
 };
 
 }  // namespace adhesim

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "core/model/awake.h"
 
@@ -18,14 +17,18 @@ std::span<const std::int32_t> Members(const Contacts& contacts, const Zone& zone
 
 }  // namespace
 
-Sleeping::Sleeping(const Model& model, double reach_m)
-    : model_(model), reach_m_(reach_m), root_(model.bodies.size()), kept_awake_(root_.size()) {
+Sleeping::Sleeping(const Model& model, double reach_m, bool together)
+    : model_(model),
+      reach_m_(reach_m),
+      together_(together),
+      islands_(model.bodies.size()),
+      kept_awake_(islands_.size()) {
   // One look more than steps: the first one has no time before it.
   const double looks = std::ceil(model.sleep->time_s / model.dt_s - 1e-9) + 1;
   tired_after_ = static_cast<std::int32_t>(std::clamp(looks, 2.0, 1e9));
-  tired_.reserve(root_.size());
-  held_.resize(root_.size());
-  pulled_.resize(root_.size());
+  tired_.reserve(islands_.size());
+  held_.resize(islands_.size());
+  pulled_.resize(islands_.size());
   const auto slides = [](const ToolModel& tool) { return tool.friction_coefficient.has_value(); };
   rubs_ = (model.adhesive && model.adhesive->friction_coefficient) ||
           std::any_of(model.tools.begin(), model.tools.end(), slides);
@@ -75,6 +78,10 @@ bool Sleeping::Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools
       if (sleep.asleep[b] && near.Overlaps(sleep.box_m[b])) wake(static_cast<int>(b));
     }
   }
+  if (together_) {
+    if (sleep.bodies < before) WakeAll(state);
+    return sleep.bodies < before;
+  }
   for (int left = before + 1; left != sleep.bodies;) {
     left = sleep.bodies;
     for (const BodyPair& pair : pairs) {
@@ -97,7 +104,6 @@ bool Sleeping::Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools
 }
 
 void Sleeping::WakeAll(State* state) {
-  if (state->sleep.bodies == 0) return;
   std::fill(state->sleep.asleep.begin(), state->sleep.asleep.end(), 0);
   std::fill(state->sleep.calm_steps.begin(), state->sleep.calm_steps.end(), 0);
   state->sleep.bodies = 0;
@@ -146,17 +152,23 @@ std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
   KeepAwake(state->contacts, tools, sleep);
   Join(pairs, *state);
   KeepFallersAwake(field_n, state->contacts);
-  for (std::size_t b = 0; b < root_.size(); ++b) {
-    if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
-    if (!kept_awake_[Root(static_cast<int>(b))]) tired_.push_back(static_cast<std::int32_t>(b));
+  bool all = true;
+  for (int b = 0; b < static_cast<int>(islands_.size()); ++b) {
+    if (sleep.asleep[b] || !CanMove(b)) continue;
+    if (!kept_awake_[islands_.Root(b)]) {
+      tired_.push_back(b);
+    } else {
+      all = false;
+    }
   }
+  if (together_ && !all) tired_.clear();
   return tired_;
 }
 
 // What keeps a body awake besides its own motion.
 void Sleeping::KeepAwake(const Contacts& contacts, std::span<const Aabb> tools,
                          const Sleep& sleep) {
-  for (std::size_t b = 0; b < root_.size(); ++b) {
+  for (std::size_t b = 0; b < islands_.size(); ++b) {
     kept_awake_[b] = sleep.calm_steps[b] < tired_after_;
     for (const Aabb& tool : tools) {
       kept_awake_[b] |= tool.Grown(reach_m_).Overlaps(sleep.box_m[b]);
@@ -171,7 +183,7 @@ void Sleeping::KeepAwake(const Contacts& contacts, std::span<const Aabb> tools,
 
 // Islands of what is awake.
 void Sleeping::Join(std::span<const BodyPair> pairs, const State& state) {
-  std::iota(root_.begin(), root_.end(), 0);
+  islands_.Reset();
   const auto joins = [&](int body) { return !state.sleep.asleep[body] && CanMove(body); };
   for (const BodyPair& pair : pairs) {
     if (pair.body >= pair.other || !joins(pair.body) || !joins(pair.other)) continue;
@@ -195,9 +207,9 @@ void Sleeping::KeepFallersAwake(std::span<const Vec3> field_n, const Contacts& c
   if (field_n.empty()) return;
   std::fill(held_.begin(), held_.end(), 0);
   std::fill(pulled_.begin(), pulled_.end(), 0);
-  for (std::size_t b = 0; b < root_.size(); ++b) {
+  for (std::size_t b = 0; b < islands_.size(); ++b) {
     const Body& body = model_.bodies[b];
-    const int root = Root(static_cast<int>(b));
+    const int root = islands_.Root(static_cast<int>(b));
     for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
       held_[root] |= model_.fixed[p];
       pulled_[root] |= !field_n[p].isZero(0);
@@ -205,21 +217,14 @@ void Sleeping::KeepFallersAwake(std::span<const Vec3> field_n, const Contacts& c
   }
   for (const Zone& zone : contacts.zones) {
     if (zone.pins == 0) continue;
-    for (int p : Members(contacts, zone)) held_[Root(model_.body_of[p])] = 1;
+    for (int p : Members(contacts, zone)) held_[islands_.Root(model_.body_of[p])] = 1;
   }
-  for (std::size_t b = 0; b < root_.size(); ++b) kept_awake_[b] |= pulled_[b] && !held_[b];
-}
-
-int Sleeping::Root(int body) {
-  while (root_[body] != body) body = root_[body] = root_[root_[body]];
-  return body;
+  for (std::size_t b = 0; b < islands_.size(); ++b) kept_awake_[b] |= pulled_[b] && !held_[b];
 }
 
 void Sleeping::Unite(int a, int b) {
-  a = Root(a);
-  b = Root(b);
-  root_[std::max(a, b)] = std::min(a, b);
-  kept_awake_[std::min(a, b)] |= kept_awake_[std::max(a, b)];
+  const auto [root, former] = islands_.Unite(a, b);
+  kept_awake_[root] |= kept_awake_[former];
 }
 
 void Sleeping::PutToSleep(std::span<const std::int32_t> bodies, std::span<const Vec3> load_n,

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/contact/body_pairs.h"
+#include "core/model/disjoint_sets.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 
@@ -21,7 +22,8 @@ namespace adhesim {
 class Sleeping {
  public:
   // Boxes are within reach_m of each other, or not: that of contact, 0 without.
-  Sleeping(const Model& model, double reach_m);
+  // `together`: all that can move falls asleep at once, or nothing, and wakes at once.
+  Sleeping(const Model& model, double reach_m, bool together);
 
   // Everything is awake.
   static void Start(const Model& model, State* state);
@@ -53,14 +55,14 @@ class Sleeping {
   void KeepAwake(const Contacts& contacts, std::span<const Aabb> tools, const Sleep& sleep);
   void Join(std::span<const BodyPair> pairs, const State& state);
   void KeepFallersAwake(std::span<const Vec3> field_n, const Contacts& contacts);
-  int Root(int body);
   void Unite(int a, int b);
   void Update(State* state) const;
 
   const Model& model_;
   double reach_m_;
+  bool together_;
   std::int32_t tired_after_;                 // calm looks
-  std::vector<std::int32_t> root_;           // [#bodies] of its island
+  DisjointSets islands_;                     // of bodies
   std::vector<std::uint8_t> kept_awake_;     // [#bodies] by itself; at roots, of the island
   std::vector<std::uint8_t> held_, pulled_;  // [#bodies] at roots, of the island
   std::vector<std::int32_t> tired_;

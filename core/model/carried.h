@@ -27,14 +27,22 @@ inline void GiveToCarriers(const Model& model, std::span<Vec3> force) {
   }
 }
 
-// [#particles] index into Model::carried, or -1; empty when nothing is carried.
-inline std::vector<std::int32_t> CarriedIndex(const Model& model) {
-  std::vector<std::int32_t> index;
-  if (!model.carried.empty()) index.assign(model.rest_position_m.size(), -1);
-  for (std::size_t c = 0; c < model.carried.size(); ++c) {
-    index[model.carried[c].particle] = static_cast<std::int32_t>(c);
+// What carries a particle. Points into the model, which must outlive it.
+class CarriedLookup {
+ public:
+  explicit CarriedLookup(const Model& model) {
+    if (!model.carried.empty()) carried_.assign(model.rest_position_m.size(), nullptr);
+    for (const CarriedParticle& c : model.carried) carried_[c.particle] = &c;
   }
-  return index;
-}
+  // Nothing is carried.
+  bool empty() const { return carried_.empty(); }
+  // Null: the particle moves by itself.
+  const CarriedParticle* Find(int particle) const {
+    return carried_.empty() ? nullptr : carried_[particle];
+  }
+
+ private:
+  std::vector<const CarriedParticle*> carried_;  // [#particles], or empty
+};
 
 }  // namespace adhesim

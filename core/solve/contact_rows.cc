@@ -20,7 +20,7 @@ constexpr double kNoMobility = 1e-2;
 
 }  // namespace
 
-ContactRows::ContactRows(const Model& model) : model_(model) {
+ContactRows::ContactRows(const Model& model) : model_(model), carried_(model) {
   const bool tools = std::any_of(model.tools.begin(), model.tools.end(), [](const ToolModel& tool) {
     return tool.friction_coefficient.has_value();
   });
@@ -33,7 +33,6 @@ ContactRows::ContactRows(const Model& model) : model_(model) {
   impulse_ns_.assign(n, Vec3::Zero());
   stamp_.assign(n, 0);
   if (tools) touch_.assign(n, 0);
-  carried_ = CarriedIndex(model);
   if (carried_.empty()) return;
   carried_touching_.reserve(model.carried.size());
   carried_impulse_ns_.assign(n, Vec3::Zero());
@@ -63,7 +62,7 @@ void ContactRows::Collect(const State& state, const Motion& motion, const Tools&
 void ContactRows::Act(int p) {
   if (stamp_[p]) return;
   stamp_[p] = 1;
-  const CarriedParticle* carried = CarriersOf(p);
+  const CarriedParticle* carried = carried_.Find(p);
   (carried ? carried_touching_ : acted_).push_back(p);
   if (!carried) return;
   for (const std::int32_t carrier : carried->carriers) Act(carrier);
@@ -138,7 +137,7 @@ void ContactRows::ShareToolLimits(const State& state, const Tools& tools, double
 }
 
 Vec3 ContactRows::Velocity(int p, const State& state, const Motion& motion) const {
-  if (const CarriedParticle* carried = CarriersOf(p)) {
+  if (const CarriedParticle* carried = carried_.Find(p)) {
     Vec3 sum = Vec3::Zero();
     for (int k = 0; k < 4; ++k)
       sum += carried->weights[k] * Velocity(carried->carriers[k], state, motion);
@@ -292,7 +291,7 @@ std::span<const ContactRows::Node> ContactRows::NodesOfRow(
   };
   for (int i = 0; i < kNodes; ++i) {
     const Vec3& gradient = row.gradient[direction][i];
-    if (const CarriedParticle* carried = CarriersOf(row.particle[i])) {
+    if (const CarriedParticle* carried = carried_.Find(row.particle[i])) {
       for (int k = 0; k < 4; ++k) add(carried->carriers[k], carried->weights[k] * gradient);
     } else {
       add(row.particle[i], gradient);
@@ -358,7 +357,7 @@ void ContactRows::Apply(const Row& row, int direction, double impulse, const Sta
   for (int i = 0; i < kNodes; ++i) {
     const int p = row.particle[i];
     const Vec3 share = impulse * row.gradient[direction][i];
-    if (const CarriedParticle* carried = CarriersOf(p)) {
+    if (const CarriedParticle* carried = carried_.Find(p)) {
       carried_impulse_ns_[p] += share;
       for (int k = 0; k < 4; ++k) give(carried->carriers[k], carried->weights[k] * share);
     } else {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/model/bond_geometry.h"
+#include "core/model/carried.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 #include "core/solve/rigid_group.h"
@@ -124,10 +125,6 @@ class ContactRows {
   };
   std::span<const Node> NodesOfRow(const Row& row, int direction,
                                    std::array<Node, 4 * kNodes>* nodes) const;
-  const CarriedParticle* CarriersOf(int particle) const {
-    return carried_.empty() || carried_[particle] < 0 ? nullptr
-                                                      : &model_.carried[carried_[particle]];
-  }
   void ShareLimits(const State& state, const Tools& tools, double dt_s);
   void ShareToolLimits(const State& state, const Tools& tools, double dt_s);
   BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
@@ -143,7 +140,7 @@ class ContactRows {
   std::vector<Row> rows_;
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
-  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
+  CarriedLookup carried_;
   std::vector<std::int32_t> carried_touching_;
   std::vector<Vec3> carried_impulse_ns_;  // [#particles]; empty: nothing is carried
   std::vector<Vec3> impulse_ns_;          // [#particles]

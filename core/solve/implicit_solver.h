@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <vector>
@@ -7,6 +8,8 @@
 #include "core/model/effect.h"
 #include "core/model/frame.h"
 #include "core/model/state.h"
+#include "core/solve/arcs.h"
+#include "core/solve/implicit_rows.h"
 #include "core/solve/rigid_group.h"
 #include "core/solve/subspace_system.h"
 
@@ -16,7 +19,8 @@ namespace adhesim {
 // their stiffness; the others stay explicit.
 //
 // Linearly implicit: one linear system for dv = v_{n+1} - v_n,
-//   A dv = dt (f(x_n, v_n) - dt K v_n),  A = M + dt D + dt^2 K.
+//   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
+// c the way from tangents to arcs of free bodies that turn (Arcs).
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
@@ -24,6 +28,9 @@ namespace adhesim {
 // particles and free zones what the solver left open is part of the elastic force (momentum errs by
 // its sum); on members that something holds the force is f - K dt v_{n+1} - D dv itself, so that
 // what tools and pins carry is the residual of the equation there.
+//
+// Constraint rows are met within the solve (implicit_rows.h). Their impulses are no part of the
+// forces handed on: row_multipliers() go with them.
 //
 // Allocates at construction only.
 class ImplicitSolver {
@@ -39,8 +46,9 @@ class ImplicitSolver {
     std::span<Vec3> total;
   };
 
-  // The effects outlive the solver.
-  ImplicitSolver(const Model& model, std::vector<StiffEffect> effects);
+  // The effects outlive the solver. `constraints`: those whose rows it meets, all or none.
+  ImplicitSolver(const Model& model, std::vector<StiffEffect> effects,
+                 std::vector<const Effect*> constraints = {});
   ImplicitSolver(const ImplicitSolver&) = delete;
   ImplicitSolver& operator=(const ImplicitSolver&) = delete;
 
@@ -55,9 +63,6 @@ class ImplicitSolver {
   // What is kept from earlier sub-steps is not of the state to come.
   void Forget() { assembled_dt_s_ = 0; }
 
-  // True where forces on the particle depend on others' positions.
-  bool HasStiffness(int particle) const;
-
   // Once a sub-step: keeps the forces and makes A at the state's positions.
   void Begin(const State& state, std::span<const NearPair> near, const Forces& forces, double dt_s,
              Parallel* parallel);
@@ -66,11 +71,24 @@ class ImplicitSolver {
   void Solve(std::span<const RigidGroup> groups, double dt_s, State* state, const Forces& forces,
              Parallel* parallel, StepReport* report);
 
+  // Makes these zones those of system(), and `residual` [#particles] what the linear equation lacks
+  // at the velocities before the step, at those of the groups where tools hold: N s, in the rows of
+  // all particles that can move.
+  void StartResidual(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                     Parallel* parallel, std::span<Padded> residual);
+  // What may be left of a residual of this size, in the preconditioner's norm.
+  double Target(double residual) const {
+    return std::max(effort_.tolerance * residual, round_off_);
+  }
+
   // Of the last Solve(): what it left open in every row [#particles], N s, and the square of its
   // norm in the preconditioner's metric.
   std::span<const Padded> residual_ns() const { return residual_ns_; }
   double residual_sq() const { return residual_sq_; }
   int iterations() const { return iterations_; }
+  // Of the last Solve(), empty without rows: N s along the gradients at x_n.
+  std::span<const double> row_multipliers() const { return rows_.multipliers(); }
+  ImplicitRows& rows() { return rows_; }
   // A and the subspace of the last Solve().
   SubspaceSystem& system() { return system_; }
 
@@ -81,12 +99,21 @@ class ImplicitSolver {
   double EvaluateStiff(const ForceInput& all);
   void SetScale(const State& state, double dt_s);
   void Prescribe(const State& state, std::span<const RigidGroup> groups);
+  void LinearResidual(double dt_s, const State& state, Parallel* parallel);
   void SolveLinear(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
   void StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
                            Parallel* parallel);
   void SolveNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
+  // Of rows: each iteration leaves the part by which gradients change in the step. What is left in
+  // the end is met on inertia alone.
+  static constexpr int kRowIterations = 12;
+  static constexpr double kRowTolerance = 1e-12;
+  double MeasureRows(double dt_s, const State& state);
+  void MeetRows(double dt_s, const State& state, Parallel* parallel, StepReport* report);
+  void IterateNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                     Parallel* parallel, StepReport* report);
   double Slope(std::span<const Padded> direction) const;
   void SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
                    Parallel* parallel);
@@ -103,6 +130,7 @@ class ImplicitSolver {
   int assembled_ago_ = 0;      // sub-steps
   BlockMatrix matrix_;
   SubspaceSystem system_;
+  ImplicitRows rows_;
   std::vector<std::int32_t> diagonal_;  // [#particles] slots
   bool damps_ = false;                  // some stiff effect has damping
   std::span<const NearPair> near_;
@@ -115,10 +143,13 @@ class ImplicitSolver {
   std::vector<Vec3> elastic_n_, damping_n_;      // of stiff effects, evaluated anew
   std::vector<Vec3> position_m_, velocity_m_s_;  // where they were
   std::vector<double> effect_state_;
-  std::vector<Padded> prescribed_m_s_;  // v_n; what is held: its velocity to come
-  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - prescribed_m_s_
+  Arcs arcs_;
+  std::vector<Vec3> arc_m_s_;  // linear steps: c, see Arcs; 0 where zones turn by themselves
+  std::vector<Padded> prescribed_m_s_;  // v_n - c; what is held: its velocity to come
+  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
+  std::vector<Padded> without_rows_m_s_;           // Newton with rows only
 };
 
 }  // namespace adhesim

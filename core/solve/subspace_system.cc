@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 namespace adhesim {
 namespace {
@@ -65,9 +64,11 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
   active_.assign(n, 0);
   free_.assign(n, 0);
   loose_.assign(n, 0);
+  joined_ = DisjointSets(model.bodies.size());
   component_.assign(model.bodies.size(), 0);
   stiffness_sum_.assign(model.bodies.size(), Mat3::Zero());
   balance_.assign(model.bodies.size(), Vec3::Zero());
+  turns_.resize(model.bodies.size());
   zones_.reserve(n);
   chunk_sum_.assign((n + kChunk - 1) / kChunk, 0);
   for (auto* array : {&p_, &ap_, &z_}) array->assign(n, Padded{});
@@ -82,6 +83,28 @@ void SubspaceSystem::InvertDiagonal(Parallel* parallel) {
       inverse_diagonal_[p] = 0.5 * (inverse + inverse.transpose());
     }
   });
+}
+
+Mat6 SubspaceSystem::BlockOf(const State& state, int zone, const Vec3& pivot_m) const {
+  const Zone& held = state.contacts.zones[zone];
+  const auto moves = [&](int p) { return !model_.fixed[p] && model_.mass_kg[p] > 0; };
+  const auto motions = [&](int p) {  // [3 x 6]
+    Eigen::Matrix<double, 3, 6> j;
+    j << Mat3::Identity(), -CrossMatrix(state.position_m[p] - pivot_m);
+    return j;
+  };
+  Mat6 whole = Mat6::Zero();
+  for (int m = held.first; m < held.first + held.count; ++m) {
+    const int p = state.contacts.zone_members[m];
+    if (!moves(p)) continue;
+    Eigen::Matrix<double, 3, 6> row = Eigen::Matrix<double, 3, 6>::Zero();
+    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
+      const int q = matrix_.column()[k];
+      if (state.contacts.zone_of[q] == zone && moves(q)) row += matrix_.At(k) * motions(q);
+    }
+    whole += motions(p).transpose() * row;
+  }
+  return 0.5 * (whole + whole.transpose());
 }
 
 // Of the twists that the group leaves, in a basis whose rotations are scaled to the translations.
@@ -101,24 +124,9 @@ Mat6 SubspaceSystem::InverseOf(const RigidGroup& group, const State& state, int 
       add(Vec3::Zero(), std::sqrt(value * group.mass_kg) * eigen.eigenvectors().col(k));
     }
   }
-  const auto members = members_.subspan(contacts_zones_[zone].first, contacts_zones_[zone].count);
-  const auto motions = [&](int p) {  // [3 x 6]
-    Eigen::Matrix<double, 3, 6> j;
-    j << Mat3::Identity(), -CrossMatrix(position_m_[p] - group.pivot_m);
-    return j;
-  };
-  Mat6 whole = Mat6::Zero();
-  for (int p : members) {
-    if (!active_[p]) continue;
-    Eigen::Matrix<double, 3, 6> row = Eigen::Matrix<double, 3, 6>::Zero();
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (state.contacts.zone_of[q] == zone && active_[q]) row += matrix_.At(k) * motions(q);
-    }
-    whole += motions(p).transpose() * row;
-  }
+  const Mat6 whole = BlockOf(state, zone, group.pivot_m);
   const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6> small =
-      basis.transpose() * (0.5 * (whole + whole.transpose())) * basis;
+      basis.transpose() * whole * basis;
   const Eigen::LLT<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>>
       factor(small);
   const Mat6 inverse = basis * factor.solve(basis.transpose());
@@ -146,70 +154,6 @@ void SubspaceSystem::SetZones(const State& state, std::span<const RigidGroup> gr
     zones_.push_back({z, group.pivot_m, InverseOf(group, state, z)});
   }
   FindLoose(state, groups);
-}
-
-void SubspaceSystem::FindLoose(const State& state, std::span<const RigidGroup> groups) {
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    const int zone = state.contacts.zone_of[p];
-    loose_[p] = active_[p] && (zone < 0 || groups[zone].freedom == RigidGroup::Freedom::kFree);
-  }
-  std::iota(component_.begin(), component_.end(), 0);
-  const auto root = [&](int body) {
-    while (component_[body] != body) body = component_[body];
-    return body;
-  };
-  for (const Zone& zone : contacts_zones_) {
-    const auto members = members_.subspan(zone.first, zone.count);
-    // The first may be carried, and then is not loose whatever its zone is.
-    const auto first =
-        std::find_if(members.begin(), members.end(), [&](int p) { return loose_[p]; });
-    if (first == members.end()) continue;
-    for (int p : members) {
-      const int a = root(model_.body_of[*first]), b = root(model_.body_of[p]);
-      component_[std::max(a, b)] = std::min(a, b);
-    }
-  }
-  for (int& body : component_) body = root(body);
-  // Rows of stiffness sum to zero: a row of A Z is the mass, less what is not loose.
-  std::fill(stiffness_sum_.begin(), stiffness_sum_.end(), Mat3::Zero());
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) {
-      stiffness_sum_[component_[model_.body_of[p]]] += model_.mass_kg[p] * Mat3::Identity();
-      continue;
-    }
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (loose_[q]) stiffness_sum_[component_[model_.body_of[q]]] -= matrix_.At(k);
-    }
-  }
-}
-
-void SubspaceSystem::Balance(std::span<Padded> x, std::span<Padded> r) const {
-  std::fill(balance_.begin(), balance_.end(), Vec3::Zero());
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) balance_[component_[model_.body_of[p]]] += r[p].vec();
-  }
-  for (std::size_t body = 0; body < balance_.size(); ++body) {
-    if (component_[body] != static_cast<int>(body)) continue;
-    const Mat3& sum = stiffness_sum_[body];
-    balance_[body] = sum.trace() > 0
-                         ? Vec3((0.5 * (sum + sum.transpose())).inverse() * balance_[body])
-                         : Vec3::Zero();
-  }
-  const auto of = [&](int p) -> const Vec3& { return balance_[component_[model_.body_of[p]]]; };
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    if (loose_[p]) {
-      x[p].Set(x[p].vec() + of(p));
-      r[p].Set(r[p].vec() - model_.mass_kg[p] * of(p));
-      continue;
-    }
-    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
-      const int q = matrix_.column()[k];
-      if (!loose_[q]) continue;
-      r[q].Set(r[q].vec() + matrix_.At(k).transpose() * of(q));
-      if (active_[p]) r[p].Set(r[p].vec() - matrix_.At(k) * of(q));
-    }
-  }
 }
 
 double SubspaceSystem::SumChunks() const {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/model/block_matrix.h"
+#include "core/model/disjoint_sets.h"
 #include "core/model/model.h"
 #include "core/model/parallel.h"
 #include "core/model/state.h"
@@ -46,6 +47,8 @@ class SubspaceSystem {
 
   // True: a free particle, or a member of a zone that nobody prescribes.
   bool active(int p) const { return active_[p]; }
+  // S_z^T A S_z of a zone's members that can move, whoever moves them, as twists about a pivot.
+  Mat6 BlockOf(const State& state, int zone, const Vec3& pivot_m) const;
   // y = A x in the active rows, 0 in the others; returns x.y.
   double Multiply(std::span<const Padded> x, std::span<Padded> y, Parallel* parallel) const;
   // One row of A x, active or not.
@@ -61,6 +64,10 @@ class SubspaceSystem {
   // to zero there: x += Z (Z^T A Z)^-1 Z^T r, Z its translations. Whatever tolerance the solve had,
   // momentum is then balanced to round-off; and in free fall this is the solution.
   void Balance(std::span<Padded> x, std::span<Padded> r) const;
+  // The same for turns about the centre of mass, of groups of which nothing is held. To first order
+  // in the strain angular momentum is balanced, then, at any tolerance; stiff bodies would else be
+  // spun up by what is left of their forces. Costs a product.
+  void BalanceTurns(std::span<Padded> x, std::span<Padded> r, Parallel* parallel);
   // The sum of f.A_ii^-1 f over all particles, whether they can move or not.
   double DiagonalNormSq(std::span<const Vec3> f) const;
   const Mat3& inverse_diagonal(int p) const { return inverse_diagonal_[p]; }
@@ -75,6 +82,15 @@ class SubspaceSystem {
                Parallel* parallel);
 
  private:
+  struct Turn {  // of a component as a whole
+    bool free = false;
+    double mass_kg = 0;
+    Vec3 origin_m = Vec3::Zero();
+    Vec3 centre_m = Vec3::Zero();
+    Mat3 spread = Mat3::Zero();  // sum of m r r^T
+    Vec3 rate = Vec3::Zero();    // torque, then what it makes of the angular velocity
+    double descent = 0, curvature = 0;
+  };
   struct ZoneInverse {
     int zone;
     Vec3 pivot_m;
@@ -93,9 +109,11 @@ class SubspaceSystem {
   std::vector<std::uint8_t> active_, free_;  // [#particles]; free: active and in no zone
   // [#particles] a free particle, or a member of a zone without pins.
   std::vector<std::uint8_t> loose_;
+  DisjointSets joined_;                  // of bodies
   std::vector<std::int32_t> component_;  // [#bodies] the lowest of the bodies joined with it
   std::vector<Mat3> stiffness_sum_;      // [#bodies] Z^T A Z of a component
   mutable std::vector<Vec3> balance_;    // [#bodies]
+  std::vector<Turn> turns_;              // [#bodies] of a component
   std::vector<ZoneInverse> zones_;
   std::span<const std::int32_t> members_;  // Contacts::zone_members and zones of the state given
   std::span<const Zone> contacts_zones_;

@@ -23,10 +23,9 @@ void SetThree(const Vec3& value, std::size_t tie, std::span<double> values) {
 
 }  // namespace
 
-TieRows::TieRows(const Model& model) : model_(model) {
+TieRows::TieRows(const Model& model) : model_(model), carried_(model) {
   if (!model.adhesive || !model.adhesive->ties) return;
   const std::size_t n = model.rest_position_m.size(), bonds = 4 * n + 64;
-  carried_ = CarriedIndex(model);
   ties_.reserve(bonds);
   loads_.reserve(bonds);
   start_.reserve(3 * bonds);
@@ -40,9 +39,10 @@ void TieRows::Act(int p) {
   if (stamp_[p]) return;
   stamp_[p] = 1;
   acted_.push_back(p);
-  if (carried_.empty() || carried_[p] < 0) return;
-  acted_carried_.push_back(carried_[p]);
-  for (const std::int32_t carrier : model_.carried[carried_[p]].carriers) Act(carrier);
+  const CarriedParticle* c = carried_.Find(p);
+  if (!c) return;
+  acted_carried_.push_back(c);
+  for (const std::int32_t carrier : c->carriers) Act(carrier);
 }
 
 void TieRows::Collect(const State& state, std::span<const RigidGroup> groups,
@@ -79,18 +79,17 @@ void TieRows::Collect(const State& state, std::span<const RigidGroup> groups,
   }
   for (int p : acted_) stamp_[p] = 0;
   std::sort(acted_.begin(), acted_.end());
-  std::sort(acted_carried_.begin(), acted_carried_.end());
+  std::sort(acted_carried_.begin(), acted_carried_.end());  // as in the model
 }
 
 // The velocity that a unit impulse on the particle gives it.
 Mat3 TieRows::Mobility(int p, const State& state, std::span<const RigidGroup> groups,
                        std::span<const Vec3> per_kg) const {
   if (model_.fixed[p]) return Mat3::Zero();
-  if (!carried_.empty() && carried_[p] >= 0) {
-    const CarriedParticle& c = model_.carried[carried_[p]];
+  if (const CarriedParticle* c = carried_.Find(p)) {
     Mat3 sum = Mat3::Zero();
     for (int k = 0; k < 4; ++k) {
-      sum += c.weights[k] * c.weights[k] * Mobility(c.carriers[k], state, groups, per_kg);
+      sum += c->weights[k] * c->weights[k] * Mobility(c->carriers[k], state, groups, per_kg);
     }
     return sum;
   }
@@ -137,20 +136,18 @@ void TieRows::Scatter(std::span<const double> multiplier, std::span<Vec3> impuls
     for (int i = 0; i < TieGeometry::kNodes; ++i)
       impulse_ns[geometry.nodes.particle[i]] += impulses[i];
   }
-  for (int c : acted_carried_) {
-    const CarriedParticle& carried = model_.carried[c];
+  for (const CarriedParticle* c : acted_carried_) {
     for (int k = 0; k < 4; ++k)
-      impulse_ns[carried.carriers[k]] += carried.weights[k] * impulse_ns[carried.particle];
-    impulse_ns[carried.particle].setZero();
+      impulse_ns[c->carriers[k]] += c->weights[k] * impulse_ns[c->particle];
+    impulse_ns[c->particle].setZero();
   }
 }
 
 void TieRows::Gather(std::span<Vec3> velocity_m_s, std::span<double> speed) const {
-  for (int c : acted_carried_) {
-    const CarriedParticle& carried = model_.carried[c];
+  for (const CarriedParticle* c : acted_carried_) {
     Vec3 sum = Vec3::Zero();
-    for (int k = 0; k < 4; ++k) sum += carried.weights[k] * velocity_m_s[carried.carriers[k]];
-    velocity_m_s[carried.particle] = sum;
+    for (int k = 0; k < 4; ++k) sum += c->weights[k] * velocity_m_s[c->carriers[k]];
+    velocity_m_s[c->particle] = sum;
   }
   for (std::size_t t = 0; t < ties_.size(); ++t) {
     std::array<Vec3, TieGeometry::kNodes> velocity;

@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "core/model/carried.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 #include "core/model/tie_geometry.h"
@@ -82,15 +83,15 @@ class TieRows {
   void Act(int particle);
 
   const Model& model_;
-  std::vector<std::int32_t> carried_;  // [#particles] into Model::carried, -1; or empty
+  CarriedLookup carried_;
   std::vector<Tie> ties_;
   std::vector<TieLoad> loads_;
   std::vector<double> start_;  // [rows]
   double round_off_ = 0;
-  std::vector<std::int32_t> acted_;          // particles()
-  std::vector<std::int32_t> acted_carried_;  // those of Model::carried among them
-  std::vector<std::uint8_t> stamp_;          // [#particles]
-  std::vector<Vec3> impulse_ns_;             // [#particles] in this sub-step
+  std::vector<std::int32_t> acted_;                    // particles()
+  std::vector<const CarriedParticle*> acted_carried_;  // those of Model::carried among them
+  std::vector<std::uint8_t> stamp_;                    // [#particles]
+  std::vector<Vec3> impulse_ns_;                       // [#particles] in this sub-step
 };
 
 }  // namespace adhesim

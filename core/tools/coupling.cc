@@ -40,6 +40,17 @@ Vec6 SpringVelocity(const Mat6& inertia, const Vec6& root_stiffness, const Vec6&
   return inverse_root.cwiseProduct(u * next);
 }
 
+// From pose to target.
+Vec6 ErrorOf(const Pose& pose, const Pose& target) {
+  return Stack(target.position_m - pose.position_m,
+               VectorOf((target.orientation * pose.orientation.conjugate()).normalized()));
+}
+
+Vec6 RootStiffness(const CouplingParameters& parameters) {
+  return Stack(Vec3::Constant(std::sqrt(parameters.stiffness_n_m)),
+               Vec3::Constant(std::sqrt(parameters.angular_stiffness_nm_rad)));
+}
+
 // Scales `v` to at most `limit`; true when it was longer.
 template <typename Block>
 bool Clip(double limit, Block&& v) {
@@ -75,36 +86,69 @@ void LimitApproach(const Vec3& error, double deceleration, double dt, Block&& ve
   if (excess > 0) velocity -= excess * direction;
 }
 
+void LimitApproaches(const CouplingParameters& parameters, const Vec6& error, const Mat6& inertia,
+                     double dt_s, Vec6* twist) {
+  const double mass = inertia.topLeftCorner<3, 3>().trace() / 3;
+  const double moment = inertia.bottomRightCorner<3, 3>().trace() / 3;
+  LimitApproach(error.head<3>(), parameters.max_force_n / mass, dt_s, twist->head<3>());
+  LimitApproach(error.tail<3>(), parameters.max_torque_nm / moment, dt_s, twist->tail<3>());
+}
+
+// Both are clipped, whichever is too large.
+bool ClipWrench(const CouplingParameters& parameters, Vec6* wrench) {
+  const bool force_clipped = Clip(parameters.max_force_n, wrench->head<3>());
+  return Clip(parameters.max_torque_nm, wrench->tail<3>()) || force_clipped;
+}
+
 }  // namespace
+
+CouplingLaw LawOf(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
+                  const Mat6& inertia, double dt_s) {
+  const Vec6 root = RootStiffness(parameters), inverse_root = root.cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Mat6> modes(
+      Mat6(inverse_root.asDiagonal() * inertia * inverse_root.asDiagonal()));
+  const Vec6 times_s = modes.eigenvalues().cwiseMax(0).cwiseSqrt();
+  const Mat6 u = root.asDiagonal() * modes.eigenvectors();
+  const Vec6 stiffness = root.cwiseProduct(root);
+  CouplingLaw law;
+  law.resistance = 2 * dt_s * u * times_s.asDiagonal() * u.transpose();
+  law.resistance.diagonal() += dt_s * dt_s * stiffness;
+  law.impulse = dt_s * stiffness.cwiseProduct(ErrorOf(pose, target));
+  return law;
+}
+
+Vec6 LimitWrench(const CouplingParameters& parameters, const Vec6& twist, double dt_s,
+                 CouplingLaw* law, bool* limited) {
+  Vec6 wrench = (law->impulse - law->resistance * twist) / dt_s;
+  *limited = ClipWrench(parameters, &wrench);
+  if (*limited) *law = {Mat6::Zero(), dt_s * wrench};
+  return wrench;
+}
+
+bool LimitTwist(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
+                const Mat6& inertia, double dt_s, Vec6* twist) {
+  LimitApproaches(parameters, ErrorOf(pose, target), inertia, dt_s, twist);
+  return ClipSpeed(parameters.max_speed_m_s, twist);
+}
 
 CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& pose,
                             const Twist& twist, const Pose& target, const Mat6& inertia,
                             const Wrench& applied, double dt_s) {
-  const Vec6 error =
-      Stack(target.position_m - pose.position_m,
-            VectorOf((target.orientation * pose.orientation.conjugate()).normalized()));
+  const Vec6 error = ErrorOf(pose, target);
   const Vec6 velocity = Stack(twist.linear_m_s, twist.angular_rad_s);
   const Vec6 pull = Stack(applied.force_n, applied.torque_nm);
-  Vec6 root_stiffness;
-  root_stiffness << Vec3::Constant(std::sqrt(parameters.stiffness_n_m)),
-      Vec3::Constant(std::sqrt(parameters.angular_stiffness_nm_rad));
 
   // 1. The velocity that the unlimited spring leads to, then what of it the limits permit to aim
   // for.
   CouplingResult result;
-  Vec6 aim = SpringVelocity(inertia, root_stiffness, error, velocity, pull, dt_s);
+  Vec6 aim = SpringVelocity(inertia, RootStiffness(parameters), error, velocity, pull, dt_s);
   result.speed_limited = ClipSpeed(parameters.max_speed_m_s, &aim);
-  const double mass = inertia.topLeftCorner<3, 3>().trace() / 3;
-  const double moment = inertia.bottomRightCorner<3, 3>().trace() / 3;
-  LimitApproach(error.head<3>(), parameters.max_force_n / mass, dt_s, aim.head<3>());
-  LimitApproach(error.tail<3>(), parameters.max_torque_nm / moment, dt_s, aim.tail<3>());
+  LimitApproaches(parameters, error, inertia, dt_s, &aim);
 
   // 2. The wrench that takes it there, limited, and what that makes of the velocity. Without limits
   // this is the spring's and damper's wrench at the end of the step.
   Vec6 wrench = inertia * (aim - velocity) / dt_s - pull;
-  const bool force_clipped = Clip(parameters.max_force_n, wrench.head<3>());
-  const bool torque_clipped = Clip(parameters.max_torque_nm, wrench.tail<3>());
-  result.force_limited = force_clipped || torque_clipped;
+  result.force_limited = ClipWrench(parameters, &wrench);
   Vec6 next = aim;
   if (result.force_limited) next = velocity + dt_s * inertia.ldlt().solve(wrench + pull);
   if (ClipSpeed(parameters.max_speed_m_s, &next)) result.speed_limited = true;

@@ -22,6 +22,23 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
                             const Twist& twist, const Pose& target, const Mat6& inertia,
                             const Wrench& applied, double dt_s);
 
+// The same coupling for who finds the tool's velocity together with that of what it holds: in a
+// sub-step its impulse on the tool is `impulse` - `resistance` u, u the twist to come.
+struct CouplingLaw {
+  Mat6 resistance;  // dt D + dt^2 K, D critical for the inertia given
+  Vec6 impulse;     // dt K e
+};
+CouplingLaw LawOf(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
+                  const Mat6& inertia, double dt_s);
+// Where the law's wrench at this twist is beyond the limits, the law becomes the limited wrench,
+// whatever the twist. Returns the wrench, and in `*limited` whether it was.
+Vec6 LimitWrench(const CouplingParameters& parameters, const Vec6& twist, double dt_s,
+                 CouplingLaw* law, bool* limited);
+// Limits the speed, and the approach to the target to what the limited force can brake. True where
+// it was too fast.
+bool LimitTwist(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
+                const Mat6& inertia, double dt_s, Vec6* twist);
+
 // max_speed_m_s holds for every point of a tool this near to its tip, m.
 inline constexpr double kSpeedRadius = 0.1;
 

@@ -12,7 +12,9 @@
 namespace adhesim {
 namespace {
 
+using ::testing::Contains;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 using Json = nlohmann::json;
 
@@ -258,6 +260,33 @@ TEST(Cli, RunCountsDeadlinesInRealTime) {
   EXPECT_GE(Json::parse(outcome.out)["deadline_misses"], 0);
 }
 
+// No step ends in a nanosecond, and each does in a thousand seconds.
+TEST(Cli, RunGivesUpFidelityWhenStepsExceedTheirBudgetAndTheRecordingReplays) {
+  const std::string recording = TempFile("governed.mcap");
+  const std::string run = "run " + FallingScene() + " --steps 60 --realtime --json ";
+  const Outcome late = Adhesim(run + "--step-budget 1e-9 --record " + recording);
+  ASSERT_EQ(late.exit_code, 0) << late.err;
+  const Json fidelity = Json::parse(late.out)["fidelity"];
+  const std::size_t rungs = fidelity["rungs"].size();
+  ASSERT_GE(rungs, 1u);
+  EXPECT_EQ(fidelity["changes"], rungs);  // down to the last of them, and not up again
+  ASSERT_EQ(fidelity["steps_without"].size(), rungs + 1);
+  EXPECT_GT(fidelity["steps_without"][0], 0);
+  EXPECT_GT(fidelity["steps_without"][rungs], 0);
+  const Outcome replay = Adhesim("replay " + recording + " --verify");
+  EXPECT_EQ(replay.exit_code, 0) << replay.err;
+
+  const Json early = Json::parse(Adhesim(run + "--step-budget 1000").out)["fidelity"];
+  EXPECT_EQ(early["changes"], 0);
+  EXPECT_EQ(early["steps_without"][0], 60);
+}
+
+TEST(Cli, ABudgetNeedsDeadlines) {
+  const Outcome outcome = Adhesim("run " + FallingScene() + " --steps 5 --step-budget 0.001");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("--realtime"));
+}
+
 TEST(Cli, RunStopsCleanlyOnInterrupt) {
   const std::string out = TempFile("interrupted");
   // SIGINT would be ignored by a background job of the shell; SIGTERM takes the same way.
@@ -351,6 +380,28 @@ TEST(Cli, ExplainsWhatASceneSwitchesOn) {
   EXPECT_LT((*gravity)["bytes"], 24000 * json["particles"].get<int>());
   EXPECT_GT(json["engine_bytes"], (*gravity)["bytes"]);
   for (const Json& effect : json["left_out"]) EXPECT_NE(effect["name"], "uniform_gravity");
+}
+
+TEST(Cli, ExplainsSleepWhereItIsSwitchedOn) {
+  const auto names = [](const Json& stages) {
+    std::vector<std::string> all;
+    for (const Json& stage : stages) all.push_back(stage["name"]);
+    return all;
+  };
+  const Json without = Json::parse(Adhesim("scene explain " + FallingScene() + " --json").out);
+  EXPECT_THAT(names(without["stages"]), Not(Contains("sleep")));
+  EXPECT_THAT(names(without["absent_stages"]), Contains("sleep"));
+
+  const std::string scene = FallingScene();
+  std::ofstream(scene, std::ios::app) << "sleep: {speed_m_s: 0.001}\n";
+  const Json with = Json::parse(Adhesim("scene explain " + scene + " --json").out);
+  ASSERT_THAT(names(with["stages"]), Contains("sleep"));
+  EXPECT_THAT(names(with["absent_stages"]), Not(Contains("sleep")));
+  for (const Json& stage : with["stages"]) {
+    if (stage["name"] != "sleep") continue;
+    EXPECT_EQ(stage["asked_by"][0]["line"], 9);
+    EXPECT_GT(stage["bytes"], 0);
+  }
 }
 
 }  // namespace

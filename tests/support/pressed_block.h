@@ -11,6 +11,7 @@ namespace adhesim::test {
 struct PressedBlock {
   int cells = 7;  // along each edge; 6 tetrahedra each
   double dt_s = 5e-3;
+  double young_modulus_pa = 5000;
   double gravity_m_s2 = 0;
   double stiffness_damping_s = 0;
   double tolerance = 0.01;
@@ -23,7 +24,7 @@ inline std::shared_ptr<Model> ModelOf(const PressedBlock& pressed) {
   block.size_m = {0.1, 0.1, 0.1};
   block.six_a_cell = true;
   block.density_kg_m3 = 1060;
-  block.young_modulus_pa = 5000;
+  block.young_modulus_pa = pressed.young_modulus_pa;
   block.poisson_ratio = 0.45;
   block.stiffness_damping_s = pressed.stiffness_damping_s;
   std::shared_ptr<Model> model = ModelOf(block);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "core/tools/rotation.h"
@@ -306,6 +307,63 @@ TEST(PoseAt, IsLinearBetweenWaypointsAndHeldOutside) {
   EXPECT_EQ(PoseAt(trajectory, 2).position_m, Vec3(5, 0, 0));
   EXPECT_NEAR((PoseAt(trajectory, 3).position_m - Vec3(5, 1, 0)).norm(), 0, 1e-15);
   EXPECT_EQ(PoseAt(trajectory, 9).position_m, Vec3(5, 2, 0));
+}
+
+// The law, solved with the tool's own inertia, is the closed form in modes.
+TEST(Coupling, LawLeadsARigidToolWhereFollowTargetDoes) {
+  const CouplingParameters parameters = Unlimited();
+  const Mat6 inertia = WithTissue(Inertia(0.05, 2.4e-4), 0.3, Vec3(0.01, -0.02, 0.03));
+  Pose target;
+  target.position_m = Vec3(0.01, 0.02, -0.005);
+  target.orientation = RotationOf(Vec3(0.1, -0.2, 0.05));
+  const Twist twist{Vec3(0.1, 0.2, -0.1), Vec3(1, 0, -2)};
+  const Wrench applied{Vec3(1, 2, 3), Vec3(0.01, 0, 0.02)};
+  const double dt = 2e-3;
+  const Twist followed =
+      FollowTarget(parameters, Pose{}, twist, target, inertia, applied, dt).twist;
+  const CouplingLaw law = LawOf(parameters, Pose{}, target, inertia, dt);
+  Vec6 before, pull;
+  before << twist.linear_m_s, twist.angular_rad_s;
+  pull << applied.force_n, applied.torque_nm;
+  const Vec6 next =
+      (inertia + law.resistance).ldlt().solve(inertia * before + law.impulse + dt * pull);
+  // Round-off of inertias whose modes differ by a factor of some thousand.
+  EXPECT_LT((next.head<3>() - followed.linear_m_s).norm(), 1e-12);
+  EXPECT_LT((next.tail<3>() - followed.angular_rad_s).norm(), 1e-11);
+}
+
+TEST(Coupling, LawBeyondTheLimitsBecomesTheLimitedWrench) {
+  CouplingParameters parameters = Unlimited();
+  Pose target;
+  target.position_m = Vec3(0.01, 0, 0);  // 10 N
+  const Mat6 inertia = Inertia(0.05, 2.4e-4);
+  CouplingLaw law = LawOf(parameters, Pose{}, target, inertia, 1e-3);
+  bool limited = true;
+  const Vec6 whole = LimitWrench(parameters, Vec6::Zero(), 1e-3, &law, &limited);
+  EXPECT_FALSE(limited);
+  EXPECT_NEAR(whole(0), 10, 1e-12);
+  EXPECT_GT(law.resistance.norm(), 0);
+  parameters.max_force_n = 4;
+  const Vec6 clipped = LimitWrench(parameters, Vec6::Zero(), 1e-3, &law, &limited);
+  EXPECT_TRUE(limited);
+  EXPECT_NEAR(clipped(0), 4, 1e-12);
+  EXPECT_EQ(law.resistance.norm(), 0);
+  EXPECT_NEAR(law.impulse(0), 4e-3, 1e-15);
+}
+
+TEST(Coupling, LimitsTheTwistToTheSpeedAndToWhatTheForceCanBrake) {
+  CouplingParameters parameters = Unlimited();
+  parameters.max_force_n = 10;
+  Pose target;
+  target.position_m = Vec3(0.01, 0, 0);
+  const Mat6 inertia = Inertia(0.05, 2.4e-4);  // 200 m/s^2: 2 m/s over 10 mm
+  Vec6 twist = Vec6::Zero();
+  twist(0) = 5;
+  EXPECT_FALSE(LimitTwist(parameters, Pose{}, target, inertia, 1e-4, &twist));
+  EXPECT_NEAR(twist(0), 2, 0.02);  // up to a step's braking
+  parameters.max_speed_m_s = 1;
+  EXPECT_TRUE(LimitTwist(parameters, Pose{}, target, inertia, 1e-4, &twist));
+  EXPECT_NEAR(twist(0), 1, 1e-12);
 }
 
 }  // namespace

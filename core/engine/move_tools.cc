@@ -1,0 +1,161 @@
+// The part of a sub-step in which tools move: to where their couplings pull them, against the
+// tissue that they hold, as far as nothing is in the way.
+
+#include "core/engine/pipeline.h"
+
+namespace adhesim {
+
+void Pipeline::MoveTools(double dt_s) {
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    tool_pose_[t] = state_.tools[t].pose;
+    last_twist_[t] = state_.tools[t].twist;
+  }
+  const bool together = tool_system_ && !AllSleep() && MoveWithTissue(dt_s);
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    const int tool = static_cast<int>(t);
+    if (!together || !tool_system_->holds(tool)) FollowAgainstForces(tool, dt_s);
+    Twist twist = NotIntoHeldTissue(tool, tool_twist_[t]);
+    if (tools_can_collide_) twist = Unobstructed(tool, twist, dt_s);
+    tool_twist_[t] = twist;
+    // One after the other: the next tool sees where this one will be, so that none can pass
+    // another.
+    tool_pose_[t] = Advance(state_.tools[t].pose, twist, dt_s);
+  }
+}
+
+// The tool's next twist against the forces on what it carries at the start of the sub-step.
+void Pipeline::FollowAgainstForces(int t, double dt_s) {
+  ToolState& tool = state_.tools[t];
+  // What the tool carries: the inertia of its zone, and the forces on it.
+  const Mat6 inertia = ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(t);
+  Wrench applied = tool.rubbed;
+  for (const Zone& zone : state_.contacts.zones) {
+    if (zone.tool != t) continue;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state_.contacts.zone_members[k];
+      const Vec3 r = state_.position_m[p] - tool.pose.position_m;
+      applied.force_n += total_force_n_[p];
+      applied.torque_nm += r.cross(total_force_n_[p]);
+    }
+  }
+  const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist,
+                                             tool.target, inertia, applied, dt_s);
+  if (result.force_limited) tool.flags |= kToolForceLimited;
+  if (result.speed_limited) tool.flags |= kToolSpeedLimited;
+  coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
+  coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
+  tool_twist_[t] = result.twist;
+}
+
+// The next twists of the tools that hold implicit tissue, with that tissue's answer to them in the
+// same equation (ToolSystem). False where that makes no difference, and nothing is done.
+bool Pipeline::MoveWithTissue(double dt_s) {
+  const int tools = static_cast<int>(state_.tools.size());
+  for (int t = 0; t < tools; ++t) {
+    own_inertia_[t] = ToolInertia(model_->tools[t], state_.tools[t].pose);
+  }
+  solver_->FormGroups(state_, last_twist_);
+  if (!tool_system_->Begin(state_, solver_->groups(), own_inertia_, dt_s, implicit_.get(),
+                           &parallel_)) {
+    return false;
+  }
+  const auto with_carried = [&](int t) -> Mat6 { return own_inertia_[t] + CarriedInertia(t); };
+  const auto solve = [&] {
+    for (int t = 0; t < tools; ++t) {
+      const ToolState& tool = state_.tools[t];
+      Vec6 twist, rubbed;
+      twist << tool.twist.linear_m_s, tool.twist.angular_rad_s;
+      rubbed << tool.rubbed.force_n, tool.rubbed.torque_nm;
+      tool_law_[t] = {
+          own_inertia_[t] + coupling_law_[t].resistance,
+          coupling_law_[t].impulse + dt_s * rubbed - coupling_law_[t].resistance * twist};
+    }
+    tool_system_->Solve(tool_law_, &report_, &parallel_);
+  };
+  const auto twist_of = [&](int t) -> Vec6 {
+    Vec6 twist = tool_system_->change(t);
+    twist.head<3>() += state_.tools[t].twist.linear_m_s;
+    twist.tail<3>() += state_.tools[t].twist.angular_rad_s;
+    return twist;
+  };
+  for (int t = 0; t < tools; ++t) {
+    const ToolState& tool = state_.tools[t];
+    coupling_law_[t] =
+        LawOf(model_->tools[t].coupling, tool.pose, tool.target, with_carried(t), dt_s);
+  }
+  solve();
+  bool any_limited = false;
+  for (int t = 0; t < tools; ++t) {
+    if (!tool_system_->holds(t)) continue;
+    bool limited = false;
+    const Vec6 wrench =
+        LimitWrench(model_->tools[t].coupling, twist_of(t), dt_s, &coupling_law_[t], &limited);
+    if (limited) state_.tools[t].flags |= kToolForceLimited;
+    any_limited = any_limited || limited;
+    coupling_impulse_[t].force_n += dt_s * wrench.head<3>();
+    coupling_impulse_[t].torque_nm += dt_s * wrench.tail<3>();
+  }
+  if (any_limited) solve();
+  for (int t = 0; t < tools; ++t) {
+    if (!tool_system_->holds(t)) continue;
+    ToolState& tool = state_.tools[t];
+    Vec6 twist = twist_of(t);
+    if (LimitTwist(model_->tools[t].coupling, tool.pose, tool.target, with_carried(t), dt_s,
+                   &twist)) {
+      tool.flags |= kToolSpeedLimited;
+    }
+    tool_twist_[t] = {twist.head<3>(), twist.tail<3>()};
+  }
+  // Where the step's own solve starts.
+  const std::span<const Padded> change = tool_system_->change_m_s();
+  for (std::size_t p = 0; p < change.size(); ++p) state_.velocity_change_m_s[p] = change[p].vec();
+  return true;
+}
+
+// The twist without the part that drives the tool into tissue which it cannot take along.
+Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
+  ToolState& tool = state_.tools[t];
+  for (const Adhesive::NearTool& near : near_tools_) {
+    if (near.tool != t || near.gap_m >= model_->adhesive->capture_distance_m) continue;
+    const Triangle& tri = model_->triangles[near.triangle];
+    Vec3 point = Vec3::Zero();
+    bool held = false;
+    for (int k = 0; k < 3; ++k) {
+      point += near.weights(k) * state_.position_m[tri[k]];
+      held = held || (near.weights(k) > Adhesive::kMinWeight &&
+                      adhesive_->HeldAgainst(t, tri[k], state_.contacts));
+    }
+    if (!held) continue;
+    const double into = near.normal.dot(twist.linear_m_s);
+    if (into > 0) {
+      twist.linear_m_s -= into * near.normal;
+      tool.flags |= kToolObstructed;
+    }
+    if (near.normal.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
+      twist.angular_rad_s.setZero();
+      tool.flags |= kToolObstructed;
+    }
+  }
+  return twist;
+}
+
+// The twist without the part that would drive the tool into an obstacle or another tool.
+Twist Pipeline::Unobstructed(int t, Twist twist, double dt_s) {
+  ToolState& tool = state_.tools[t];
+  Vec3 normal;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const double fraction =
+        tool_set_->Sweep(t, tool.pose, Advance(tool.pose, twist, dt_s), tool_pose_, &normal);
+    if (fraction >= 1) return twist;
+    tool.flags |= kToolObstructed;
+    const double into = twist.linear_m_s.dot(normal);
+    if (attempt == 0 && into < 0) {
+      twist.linear_m_s -= (1 - fraction) * into * normal;  // slide along it
+    } else {
+      twist = {twist.linear_m_s * fraction, twist.angular_rad_s * fraction};
+    }
+  }
+  return {};
+}
+
+}  // namespace adhesim

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <vector>
+
+#include "core/model/model.h"
+#include "core/model/state.h"
+
+namespace adhesim {
+
+// By how much the particles of free bodies that turn leave their tangents in a step.
+//
+// A particle moves on a straight line in a step, and what a linear step knows of forces at its end
+// is f - dt K v. A body that turns as a whole by the angle a = dt |w| would lie on its tangents
+// then, stretched by a^2 / 2, and not be pulled back before the next step: its elastic energy is
+// 1/8 K a^4 in each, many times the energy of its motion where it is stiff, and what a solver's
+// tolerance leaves of such forces feeds itself. So the equation is written for the velocity
+// less what the arc adds to it,
+//   v - c,  c_i = ((R - 1) / dt - [w]) (x_i - x_c),  R the rotation by dt w,
+// which strains nothing where the body just turns. w is that of the body's angular momentum.
+// Zones and tools turn on arcs by themselves; bodies with fixed particles do not turn as a whole.
+//
+// Allocates at construction only.
+class Arcs {
+ public:
+  explicit Arcs(const Model& model);
+
+  void Update(const State& state, double dt_s);
+  // c of a particle at x, m/s.
+  Vec3 At(int body, const Vec3& x) const {
+    return of_[body].turns ? Vec3(of_[body].bend * (x - of_[body].centre_m)) : Vec3::Zero();
+  }
+
+ private:
+  struct Arc {
+    bool free, turns;
+    Vec3 centre_m;
+    Mat3 bend;  // 1/s
+  };
+  const Model& model_;
+  std::vector<Arc> of_;  // [#bodies]
+};
+
+}  // namespace adhesim

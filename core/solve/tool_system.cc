@@ -1,0 +1,148 @@
+#include "core/solve/tool_system.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+namespace adhesim {
+
+ToolSystem::ToolSystem(const Model& model) : model_(model), tools_(model.tools.size()) {
+  for (auto* array : {&change_m_s_, &residual_ns_, &direction_, &product_, &step_}) {
+    array->assign(model.rest_position_m.size(), Padded{});
+  }
+}
+
+template <typename Row>
+Vec6 ToolSystem::SumOverMembers(const Tool& tool, const Row& row) const {
+  const Contacts& contacts = state_->contacts;
+  const Zone& zone = contacts.zones[tool.zone];
+  const Vec3& tip = state_->tools[zone.tool].pose.position_m;
+  Vec6 sum = Vec6::Zero();
+  for (int k = zone.first; k < zone.first + zone.count; ++k) {
+    const int p = contacts.zone_members[k];
+    if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
+    const Vec3 r = row(p);
+    sum.head<3>() += r;
+    sum.tail<3>() += (state_->position_m[p] - tip).cross(r);
+  }
+  return sum;
+}
+
+void ToolSystem::SetMembers(const Tool& tool, const Vec6& twist, std::span<Padded> x) const {
+  const Contacts& contacts = state_->contacts;
+  const Zone& zone = contacts.zones[tool.zone];
+  const Vec3& tip = state_->tools[zone.tool].pose.position_m;
+  for (int k = zone.first; k < zone.first + zone.count; ++k) {
+    const int p = contacts.zone_members[k];
+    if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
+    x[p].Set(twist.head<3>() + Vec3(twist.tail<3>()).cross(state_->position_m[p] - tip));
+  }
+}
+
+bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
+                       std::span<const Mat6> own, double dt_s, ImplicitSolver* solver,
+                       Parallel* parallel) {
+  solver_ = solver;
+  state_ = &state;
+  for (Tool& tool : tools_) tool.zone = -1;
+  for (std::size_t z = 0; z < state.contacts.zones.size(); ++z) {
+    const Zone& zone = state.contacts.zones[z];
+    if (zone.tool >= 0 && !zone.holds_sleepers) tools_[zone.tool].zone = static_cast<int>(z);
+  }
+  const SubspaceSystem& system = solver->system();
+  bool stiff = false;
+  for (std::size_t t = 0; t < tools_.size(); ++t) {
+    Tool& tool = tools_[t];
+    if (tool.zone < 0) continue;
+    tool.members = system.BlockOf(state, tool.zone, state.tools[t].pose.position_m);
+    Mat6 mass;
+    for (int k = 0; k < 6; ++k) {
+      SetMembers(tool, Vec6::Unit(k), direction_);
+      mass.col(k) = SumOverMembers(
+          tool, [&](int p) -> Vec3 { return model_.mass_kg[p] * direction_[p].vec(); });
+    }
+    const Mat6 spare = own[t] + 2 * mass - tool.members;  // the stiffness is members - mass
+    stiff = stiff || Eigen::LLT<Mat6>(spare).info() != Eigen::Success;
+  }
+  if (!stiff) return false;
+  solver->StartResidual(groups, dt_s, state, parallel, residual_ns_);
+  std::fill(change_m_s_.begin(), change_m_s_.end(), Padded{});
+  for (Tool& tool : tools_) {
+    tool.law = {};
+    tool.change.setZero();
+    if (tool.zone < 0) continue;
+    tool.residual = SumOverMembers(tool, [&](int p) { return residual_ns_[p].vec(); });
+  }
+  return true;
+}
+
+double ToolSystem::Precondition(Parallel* parallel) {
+  double norm_sq = solver_->system().Precondition(residual_ns_, step_, parallel);
+  for (Tool& tool : tools_) {
+    if (tool.zone < 0) continue;
+    tool.step = tool.inverse * tool.residual;
+    SetMembers(tool, tool.step, step_);
+    norm_sq += tool.step.dot(tool.residual);
+  }
+  return norm_sq;
+}
+
+// product = matrix direction; returns direction.product.
+double ToolSystem::Multiply(Parallel* parallel) {
+  const SubspaceSystem& system = solver_->system();
+  double sum = system.Multiply(direction_, product_, parallel);
+  for (Tool& tool : tools_) {
+    if (tool.zone < 0) continue;
+    tool.product = tool.law.matrix * tool.direction +
+                   SumOverMembers(tool, [&](int p) { return system.MultiplyRow(p, direction_); });
+    sum += tool.direction.dot(tool.product);
+  }
+  return sum;
+}
+
+void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* parallel) {
+  const int n = model_.particle_count();
+  for (std::size_t t = 0; t < tools_.size(); ++t) {
+    Tool& tool = tools_[t];
+    if (tool.zone < 0) continue;
+    tool.residual +=
+        (laws[t].impulse - tool.law.impulse) - (laws[t].matrix - tool.law.matrix) * tool.change;
+    tool.law = laws[t];
+    tool.inverse = (tool.members + tool.law.matrix).llt().solve(Mat6::Identity());
+  }
+  const auto add = [n](double factor, std::span<const Padded> to, std::span<Padded> x) {
+    for (int p = 0; p < n; ++p) {
+      for (int k = 0; k < 3; ++k) x[p].v[k] += factor * to[p].v[k];
+    }
+  };
+  double rz = Precondition(parallel), beta = 0;
+  const double target = solver_->Target(std::sqrt(rz));
+  for (int iteration = 0; rz > target * target; ++iteration) {
+    for (int p = 0; p < n; ++p) {
+      for (int k = 0; k < 3; ++k) {
+        direction_[p].v[k] = step_[p].v[k] + (iteration > 0 ? beta * direction_[p].v[k] : 0);
+      }
+    }
+    for (Tool& tool : tools_) {
+      if (tool.zone < 0) continue;
+      tool.direction = tool.step + (iteration > 0 ? Vec6(beta * tool.direction) : Vec6::Zero());
+    }
+    const double curvature = Multiply(parallel);
+    if (iteration == model_.max_iterations || !(curvature > 0) || !std::isfinite(curvature)) {
+      report->bits |= kStepNotConverged;
+      return;
+    }
+    const double alpha = rz / curvature;
+    add(alpha, direction_, change_m_s_);
+    add(-alpha, product_, residual_ns_);
+    for (Tool& tool : tools_) {
+      if (tool.zone < 0) continue;
+      tool.change += alpha * tool.direction;
+      tool.residual -= alpha * tool.product;
+    }
+    const double next = Precondition(parallel);
+    beta = next / rz;
+    rz = next;
+  }
+}
+
+}  // namespace adhesim
