@@ -203,7 +203,8 @@ std::string TableOf(const AccuracyStudy& study, DialKind kind, const std::string
       row.push_back(cost.repeats > 0 ? Number(value) : "\u2013");
     }
     if (!point.failed.empty()) {
-      row.push_back(Wide("<span class=\"fails\">failed</span> " + Text(point.failed)));
+      row.push_back("<span class=\"wider\"><span class=\"fails\">failed</span> " +
+                    Text(point.failed) + "</span>");
     } else if (point.not_run) {
       row.push_back("no time left");
     } else {
@@ -277,8 +278,28 @@ std::string Rival(const AccuracyStudy& study) {
                       HtmlParagraph(Text(study.rival_about) + ".", "soft"));
 }
 
+// What frames of a governed session say beside what is true of this scene.
+std::string Rungs(const AccuracyStudy& study) {
+  if (study.rungs.empty()) return "";
+  HtmlTable table{
+      "What the governor gives up, one after another: the largest difference of a "
+      "tool's force, part of its peak, and of a surface point, part of the smallest "
+      "body's size. Declared is what frames expect.",
+      {"given up", "force, %", "declared, %", "surface, %", "declared, %"},
+      {false, true, true, true, true},
+      {}};
+  const auto percent = [](const std::optional<double>& part) {
+    return part ? Number(100 * *part) : std::string("\u2013");
+  };
+  for (const AccuracyRung& rung : study.rungs) {
+    table.rows.push_back({Text(rung.name), percent(rung.force), percent(rung.declared_force),
+                          percent(rung.position), percent(rung.declared_position)});
+  }
+  return ToHtml(table);
+}
+
 std::string Beside(const AccuracyStudy& study) {
-  std::string html = "<h2>Mesh, law and zones</h2>\n";
+  std::string html = "<h2>Mesh, law, zones and governor</h2>\n";
   if (study.finer_mesh) {
     html += HtmlParagraph(Text(absl::StrFormat(
         "The scene's own mesh differs from one twice as fine by %.3g mm. Other levels, against "
@@ -287,7 +308,9 @@ std::string Beside(const AccuracyStudy& study) {
   }
   html += TableOf(study, DialKind::kMesh, "Levels of the mesh, against a mesh twice as fine.");
   html += TableOf(study, DialKind::kModel,
-                  "Other equations: no errors, but differences from the scene as it is.");
+                  "Other equations, and what a governed session gives up: no errors, but "
+                  "differences from the scene as it is.");
+  html += Rungs(study);
   for (const AccuracyDial& dial : study.dials) {
     if (dial.not_offered.empty()) continue;
     html += HtmlParagraph(Text(absl::StrCat(dial.name, ": ", dial.not_offered, ".")), "soft");

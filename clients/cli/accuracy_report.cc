@@ -258,6 +258,15 @@ Json AccuracyJson(const AccuracyReport& report) {
     json["orders"].push_back(
         {{"method", order.method}, {"order", order.fit.order}, {"points", order.points}});
   }
+  for (const AccuracyRung& rung : study.rungs) {
+    Json one = {
+        {"name", rung.name},
+        {"declared", {{"force", rung.declared_force}, {"position", rung.declared_position}}},
+        {"point", rung.point}};
+    if (rung.force) one["measured"]["force"] = *rung.force;
+    if (rung.position) one["measured"]["position"] = *rung.position;
+    json["rungs"].push_back(std::move(one));
+  }
   json["recommendation"] = RecommendationJson(study);
   json["left_out"] = study.left_out;
   json["machine"] = {{"processor", machine.processor},

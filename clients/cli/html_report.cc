@@ -48,6 +48,7 @@ tbody th { font-weight: 400; }
 .fails { color: var(--bad); font-weight: 700; white-space: nowrap; }
 .unjudged { color: var(--soft); white-space: nowrap; }
 .wide { display: inline-block; min-width: 15rem; }
+.wider { display: inline-block; min-width: 36rem; }
 .strip { display: grid; gap: .8rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 13rem), 1fr));
   margin: .8rem 0; }
 .plots { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr));

@@ -33,6 +33,7 @@ struct AccuracySetting {
   double work = 1;               // a guess of its cost over that of the scene as it is
   std::vector<SceneEdit> edits;  // of the scene as it is; none: that
   int substeps = 1;              // that a rival makes of a step
+  int rungs = 0;                 // given up all along (Engine::SetFidelity)
 };
 
 // Whether its error is one in time, and falls with the step.

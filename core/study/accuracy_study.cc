@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <utility>
 
@@ -75,7 +76,9 @@ class Study {
     if (study_.points[0].not_run) return NoTime();
     if (const absl::Status s = MakeReferences(); !s.ok()) return s;
     for (int round = 0; round < options_.repeats; ++round) {
-      for (std::size_t i = round == 0 ? 1 : 0; i < study_.points.size(); ++i) Measure(i);
+      for (const std::size_t i : Order()) {
+        if (round > 0 || i > 0) Measure(i);
+      }
     }
     if (Stopped()) return absl::CancelledError("interrupted");
     Judge();
@@ -122,6 +125,7 @@ class Study {
 
   void ListPoints() {
     study_.dials = DialsOf(model_->scene, *model_, {options_.quick});
+    study_.dials.push_back(Governor());
     if (options_.rival) {
       rival_ = options_.rival(model_, {options_.quick});
       study_.dials.push_back(rival_.dial);
@@ -132,9 +136,46 @@ class Study {
         AccuracyPoint& point = study_.points.emplace_back();
         point.dial = dial.name;
         point.setting = setting;
+        if (setting.rungs > 0) {
+          study_.rungs[setting.rungs - 1].point = static_cast<int>(study_.points.size()) - 1;
+        }
       }
     }
     subjects_.resize(study_.points.size());
+  }
+
+  // The first setting of each dial, then the second: a budget that ends early leaves none without.
+  std::vector<std::size_t> Order() const {
+    std::vector<std::size_t> order;
+    std::size_t most = 0;
+    for (const AccuracyDial& dial : study_.dials) most = std::max(most, dial.settings.size());
+    for (std::size_t k = 0; k < most; ++k) {
+      std::size_t first = 0;
+      for (const AccuracyDial& dial : study_.dials) {
+        if (k < dial.settings.size()) order.push_back(first + k);
+        first += dial.settings.size();
+      }
+    }
+    return order;
+  }
+
+  // What a session gives up under load, all along.
+  AccuracyDial Governor() {
+    AccuracyDial dial{"governor", "", {}};
+    const auto engine = Engine::Create(model_, {});
+    if (engine.ok()) {
+      AccuracySetting setting = study_.dials[0].settings[0];
+      setting.kind = DialKind::kModel;
+      setting.name = "without";
+      for (const FidelityRung& rung : (*engine)->rungs()) {
+        absl::StrAppend(&setting.name, setting.rungs == 0 ? " " : " and ", rung.name);
+        ++setting.rungs;
+        dial.settings.push_back(setting);
+        study_.rungs.push_back({rung.name, rung.force_error, rung.position_error, -1, {}, {}});
+      }
+    }
+    if (dial.settings.empty()) dial.not_offered = "nothing of this scene can be given up";
+    return dial;
   }
 
   bool Stopped() const { return options_.stop && options_.stop(); }
@@ -184,6 +225,7 @@ class Study {
       auto engine = Engine::Create(*model, {.threads = options_.threads});
       if (engine.ok()) {
         subject->engine = *std::move(engine);
+        subject->engine->SetFidelity(point->setting.rungs);
         return true;
       }
       point->failed = absl::StrCat("refused: ", engine.status().message());
@@ -225,6 +267,7 @@ class Study {
       study_.own_mesh = Compare(subjects_[0].trace, references_.finer_trace);
     }
     for (std::size_t i = 0; i < study_.points.size(); ++i) JudgePoint(i);
+    JudgeRungs();
     FitOrders();
     Recommend();
   }
@@ -246,6 +289,21 @@ class Study {
       against = &references_.finer_trace;
     }
     point.error = Compare(subject.trace, *against);
+  }
+
+  void JudgeRungs() {
+    double size_m = std::numeric_limits<double>::infinity();
+    for (const Body& body : model_->bodies) {
+      if (!body.all_fixed) size_m = std::min(size_m, body.size_m);
+    }
+    for (AccuracyRung& rung : study_.rungs) {
+      const std::optional<AccuracyError>& error = study_.points[rung.point].error;
+      if (!error) continue;
+      rung.position = error->position_m.linf / size_m;
+      if (error->force_n && study_.peak_force_n > 0) {
+        rung.force = error->force_n->linf / study_.peak_force_n;
+      }
+    }
   }
 
   void FitOrders() {

@@ -74,6 +74,16 @@ struct AccuracyPoint {
   std::optional<double> deflection_m;  // of a beam's end, at the end
 };
 
+// What the governor gives up, and what that changes here. Parts of the tools' peak force and of the
+// smallest body's size, the largest at any instant: as FidelityRung declares them.
+struct AccuracyRung {
+  std::string name;
+  double declared_force = 0, declared_position = 0;
+  int point = -1;  // with it and all before it given up
+  // Absent where that did not run, and where no tool feels a force.
+  std::optional<double> force, position;
+};
+
 // How fast the errors of a method fall with the step.
 struct AccuracyOrder {
   std::string method;  // as in AccuracySetting
@@ -101,6 +111,7 @@ struct AccuracyStudy {
   std::string rival_about;                // as AccuracyRival::about; empty: there is none
   std::vector<AccuracyPoint> points;      // the first is the scene as it is
   std::vector<AccuracyOrder> orders;
+  std::vector<AccuracyRung> rungs;  // in the order in which they are given up
   AdviceLimits limits;
   Advice advice;  // indices into `points`
   std::vector<std::string> left_out;

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -109,7 +110,7 @@ TEST(AccuracyStudy, TellsWhichDialsASceneDoesNotHave) {
         << dial.name << ": " << dial.not_offered;
     offered += dial.not_offered.empty();
   }
-  EXPECT_EQ(offered, 6);
+  EXPECT_EQ(offered, 7);
 }
 
 // A tool presses a small block.
@@ -129,6 +130,25 @@ constexpr char kPressed[] =
     "effects:\n"
     "  - elasticity: {young_modulus_pa: 5000, stiffness_damping_s: 0.002}\n"
     "  - virtual_adhesive: {capture_distance_m: 0.001}\n";
+
+// The first setting of each dial, then the second: a budget that ends early leaves none without.
+TEST(AccuracyStudy, TriesEveryDialBeforeItTriesOneTwice) {
+  const SceneFile file = SceneOf(kPressed);
+  std::vector<std::string> said;
+  AccuracyOptions options;
+  options.quick = true;
+  options.repeats = 1;
+  options.seconds = 0.1;
+  options.progress = [&](const std::string& what) { said.push_back(what); };
+  ASSERT_TRUE(StudyAccuracy(file.scene, file.directory, options).ok());
+  const auto place = [&](const std::string& what) {
+    return std::find(said.begin(), said.end(), what) - said.begin();
+  };
+  EXPECT_LT(place("newton, 100 Hz"), place("50 Hz"));
+  EXPECT_LT(place("neo_hookean"), place("50 Hz"));
+  EXPECT_LT(place("50 Hz"), place("25 Hz"));
+  EXPECT_LT(place("25 Hz"), static_cast<std::ptrdiff_t>(said.size()));
+}
 
 std::vector<std::string> ZoneSettingsOf(const std::string& adhesive) {
   const SceneFile file = SceneOf(
@@ -199,6 +219,23 @@ TEST(AccuracyReferences, AreOfOneCodeWhereThereIsNoTimeForTheOther) {
   EXPECT_THAT(rich.reference.name, HasSubstr("explicit"));
   EXPECT_THAT(rich.second->name, HasSubstr("newton"));
   EXPECT_EQ(rich.second->rate_hz, 1600);
+}
+
+// Frames of a governed session say what a rung is expected to cost; a study says what it does.
+TEST(AccuracyStudy, MeasuresWhatTheGovernorGivesUp) {
+  const AccuracyStudy& study = BeamStudy();
+  ASSERT_FALSE(study.rungs.empty());
+  EXPECT_EQ(study.rungs[0].name, "iterations");
+  for (const AccuracyRung& rung : study.rungs) {
+    ASSERT_GE(rung.point, 0);
+    EXPECT_EQ(study.points[rung.point].setting.kind, DialKind::kModel);
+    EXPECT_THAT(study.points[rung.point].setting.name, HasSubstr(rung.name));
+    ASSERT_TRUE(rung.position);
+    EXPECT_FALSE(rung.force);  // it has no tools
+    EXPECT_LE(*rung.position, rung.declared_position);
+  }
+  // A tolerance five times as large is seen, however small both are.
+  EXPECT_GT(*study.rungs.back().position, 0);
 }
 
 // z = -(g / c) (t - (1 - e^{-ct}) / c) for every particle.
