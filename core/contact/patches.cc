@@ -3,6 +3,17 @@
 #include <cmath>
 
 namespace adhesim {
+namespace {
+
+Vec3 MiddleAtRest(const Model& model, const Body& body) {
+  Aabb box;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    box.Add(model.rest_position_m[p]);
+  }
+  return 0.5 * (box.min + box.max);
+}
+
+}  // namespace
 
 Patches::Patches(const Model& model) : model_(model) {
   if (!model.adhesive || !model.adhesive->patch_size_m) return;
@@ -27,6 +38,23 @@ void Patches::Mark(const Contacts& contacts) {
   for (int p = 0; p < model_.particle_count(); ++p) {
     const Vec3& rest = model_.rest_position_m[FirstOf(p)];
     for (int k = 0; k < 3; ++k) cube_[p][k] = static_cast<std::int32_t>(std::floor(rest(k) / size));
+  }
+  // On the ground a body's own cubes count, one in its middle: what is smaller is one patch.
+  int last = -1;
+  Vec3 middle = Vec3::Zero();
+  for (const Bond& bond : contacts.bonds) {
+    if (bond.tool >= 0 || bond.sliding || !ToGround(bond, model_)) continue;
+    if (const int body = model_.body_of[bond.particle]; body != last) {
+      middle = MiddleAtRest(model_, model_.bodies[body]);
+      last = body;
+    }
+    for (const int p : {bond.particle, bond.partner}) {
+      if (p < 0) continue;
+      const Vec3 rest = (model_.rest_position_m[p] - middle) / size;
+      for (int k = 0; k < 3; ++k) {
+        cube_[p][k] = static_cast<std::int32_t>(std::floor(rest(k) + 0.5));
+      }
+    }
   }
 }
 
