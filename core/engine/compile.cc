@@ -292,8 +292,8 @@ void Pipeline::MakeStartState() {
   if (adhesive_) {
     overlap_ = std::make_unique<Overlap>(*model_);
     start_.contacts.overlapping = !overlap_->Find(start_.position_m).empty();
-    before_m_ = start_.position_m;
   }
+  if (overlap_ || solver_->has_rows()) before_m_ = start_.position_m;
   zone_builder_->Rebuild(&start_.contacts, &report_);
   // Velocities that pins, rigid bodies or constraints do not permit end here, before the books are
   // opened.

@@ -156,6 +156,7 @@ int Pipeline::SubstepsNow() {
 
 void Pipeline::Substep(double dt_s, bool first) {
   if (state_.contacts.overlapping && overlap_) Separate();
+  if (!implicit_ && solver_->rows_off()) RegainVolumes();
   if (detector_) DetectAndCapture(dt_s);
   EvaluateForces();
   if (sleeping_ && first) {
@@ -241,6 +242,17 @@ void Pipeline::Separate() {
   BookCorrection(*model_, before_m_, AddAllForces(), &state_);
   // Zones and volumes have another shape now: what velocities do not fit them ends.
   solver_->Capture(&state_, tool_impulse_);
+}
+
+// What has lost its volume gets it back, a little in every sub-step.
+void Pipeline::RegainVolumes() {
+  if (!solver_->RowsLack(state_)) return;
+  report_.bits |= kStepVolumeNotMet;
+  EvaluateForces();  // closes the books of what led here
+  before_m_ = state_.position_m;
+  const double most_m = detector_ ? 0.5 * contact_distance_m_ : HUGE_VAL;
+  solver_->RegainRows(most_m, &state_);
+  BookCorrection(*model_, before_m_, AddAllForces(), &state_);
 }
 
 double Pipeline::AddAllForces() {

@@ -77,6 +77,7 @@ class Pipeline : public Engine {
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s, bool first);
   void Separate();
+  void RegainVolumes();
   void DetectAndCapture(double dt_s);
   void ScaleStrengths();
   void FindNearEdges() {
@@ -145,7 +146,7 @@ class Pipeline : public Engine {
   double contact_distance_m_ = 0;        // the smallest at which anything feels a contact
   std::unique_ptr<Adhesive> adhesive_;
   std::unique_ptr<Overlap> overlap_;  // null without an adhesive
-  std::vector<Vec3> before_m_;        // [#particles] likewise empty
+  std::vector<Vec3> before_m_;        // [#particles] empty without that and volumes
   std::unique_ptr<ZoneBuilder> zone_builder_;
   std::unique_ptr<Sleeping> sleeping_;  // null where nothing may sleep
   std::unique_ptr<ToolSet> tool_set_;   // null without tools

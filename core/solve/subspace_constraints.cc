@@ -17,6 +17,8 @@ constexpr int kSlideSweeps = 8;            // over the sliding contacts in one t
 constexpr int kMostSlidePasses = 32;  // while they would gain energy: sweeps have not converged
 constexpr double kNearlyMet = 1e-10;  // relative volume; above it the step says so
 constexpr double kDiverged = 1e3;     // relative volume
+constexpr double kLacks = 1e-6;       // relative volume that is got back over several sub-steps
+constexpr double kRegained = 0.1;     // of it in one
 
 }  // namespace
 
@@ -194,6 +196,7 @@ double SubspaceSolver::MeasureRows(const State& state, double dt_s) {
   double worst = 0;
   for (int r = 0; r < rows_; ++r) {
     if (Sleeps(state, r)) residual_[r] = 0;
+    residual_[r] -= lacking_[r];
     const double error = std::abs(residual_[r]) / row_[r].scale;
     if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
     residual_[r] /= -dt_s;
@@ -216,7 +219,10 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
     if (worst <= constraint_tolerance_) return;
     // At the floor of round-off the error stops shrinking.
     if (iteration == kConstraintIterations || !(worst < kDiverged)) {
-      if (!(least < kNearlyMet)) report->bits |= kStepVolumeNotMet;
+      if (!(least < kNearlyMet)) {
+        report->bits |= kStepVolumeNotMet;
+        rows_off_ = true;
+      }
       if (worst == least) return;
       for (int r = 0; r < rows_; ++r) change_[r] = best_[r] - multiplier_[r];
       AddMultipliers(change_);
@@ -226,6 +232,50 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
     Extrapolate(iteration);
     MeetAll(state, report);
   }
+}
+
+bool SubspaceSolver::RowsLack(const State& state) {
+  int first = 0;
+  for (const Effect* effect : constraints_) {
+    const std::size_t count = effect->constraints().size();
+    effect->ConstraintResiduals(state.position_m, state.sleep.asleep,
+                                std::span(lacking_).subspan(first, count));
+    first += static_cast<int>(count);
+  }
+  rows_off_ = false;
+  for (int r = 0; r < rows_; ++r) {
+    if (Sleeps(state, r) || !(std::abs(lacking_[r]) > kLacks * row_[r].scale)) lacking_[r] = 0;
+    rows_off_ = rows_off_ || lacking_[r] != 0;
+  }
+  return rows_off_;
+}
+
+void SubspaceSolver::RegainRows(double most_m, State* state) {
+  for (const Effect* effect : constraints_) {
+    effect->ConstraintGradients(state->position_m, state->sleep.asleep, gradient_);
+  }
+  GiveToCarriers(model_, gradient_);
+  for (int r = 0; r < rows_; ++r) {
+    if (lacking_[r] == 0) continue;
+    const auto way = [&](int p) -> Vec3 {
+      return state->contacts.zone_of[p] < 0 ? Vec3(gradient_[p].cwiseProduct(per_kg_[p]))
+                                            : Vec3::Zero();
+    };
+    const int end = row_[r].first + row_[r].count;
+    double mobility = 0, longest = 0;
+    for (int p = row_[r].first; p < end; ++p) {
+      mobility += way(p).dot(gradient_[p]);
+      longest = std::max(longest, way(p).norm());
+    }
+    if (!(mobility > 0)) continue;
+    double factor = kRegained * lacking_[r] / mobility;
+    const double far = std::abs(factor) * longest;
+    if (far > most_m) factor *= most_m / far;
+    for (int p = row_[r].first; p < end; ++p) state->position_m[p] -= factor * way(p);
+  }
+  Carry(model_, state->position_m);
+  gradients_known_ = false;
+  RowsLack(*state);
 }
 
 void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {

@@ -50,8 +50,8 @@ SubspaceSolver::SubspaceSolver(const Model& model, std::vector<const Effect*> co
   }
   MakeParts();
   if (rows_ > 0) on_zone_.reserve(n);
-  for (auto* array :
-       {&multiplier_, &diagonal_, &movable_, &preconditioner_, &residual_, &left_, &best_}) {
+  for (auto* array : {&multiplier_, &lacking_, &diagonal_, &movable_, &preconditioner_, &residual_,
+                      &left_, &best_}) {
     array->assign(rows_, 0);
   }
   for (auto* array : {&change_, &cg_r_, &cg_p_, &cg_ap_, &cg_z_, &all_rhs_}) {

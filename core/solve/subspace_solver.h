@@ -51,12 +51,25 @@ class SubspaceSolver {
   void Accept(State* state, double dt_s);
 
   // To be called when positions have changed otherwise.
-  void Forget() { gradients_known_ = false; }
+  void Forget() {
+    gradients_known_ = false;
+    rows_off_ = rows_ > 0;
+  }
   // What sleeps has changed: from now on what `state` says is left where it is.
   void LeaveOut(const State& state);
 
   // Meets the constraints by moving free particles, without touching velocities.
   void CorrectPositions(std::span<Vec3> position_m);
+
+  // True where a row may lack more than steps leave: a body that starts flat has no volume.
+  bool rows_off() const { return rows_off_; }
+  bool has_rows() const { return rows_ > 0; }
+  // Finds what they lack at the state's positions; false: nothing. What they do, the next steps
+  // neither lose nor bring back: to meet it at once would take a speed of all of it over dt.
+  bool RowsLack(const State& state);
+  // Moves positions by a part of what was found lacking, no particle by more than `most_m`, and no
+  // velocity with them. Members of zones stay.
+  void RegainRows(double most_m, State* state);
 
   // What the ledgers need of the last trial.
   std::span<const Vec3> kicked_velocity_m_s() const {
@@ -155,9 +168,11 @@ class SubspaceSolver {
   std::vector<Twist> old_twist_;      // [#tools]
   std::vector<std::int32_t>
       row_of_;  // [#particles] the row that acts on it, or -1; empty without rows
-  std::vector<ConstraintRow> row_;      // [#rows]
-  std::vector<Vec3> gradient_;          // [#particles]
-  bool gradients_known_ = false;        // of the state's positions
+  std::vector<ConstraintRow> row_;  // [#rows]
+  std::vector<Vec3> gradient_;      // [#particles]
+  bool gradients_known_ = false;    // of the state's positions
+  bool rows_off_ = false;
+  std::vector<double> lacking_;         // [#rows] what they lack at the state's positions, or 0
   std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient
   std::vector<double> best_;            // [#rows] of the iteration that left the least error
