@@ -30,6 +30,15 @@ std::optional<double> Above0(double value) {
   return value > 0 && std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
+// A series of settings, without any yet: circles, and diamonds of another engine.
+PlotSeries Points(const AccuracyPoint& first, const std::string& name) {
+  PlotSeries series;
+  series.name = name;
+  series.markers = true;
+  series.diamonds = first.setting.kind == DialKind::kRival;
+  return series;
+}
+
 // Error on x, cost on y, both logarithmic, as the field draws them.
 Plot WorkPrecision(const AccuracyStudy& study, const std::string& title, const std::string& x_label,
                    const Measure& measure) {
@@ -38,13 +47,13 @@ Plot WorkPrecision(const AccuracyStudy& study, const std::string& title, const s
   plot.x = {x_label, PlotScale::kLog};
   plot.y = {"wall time per simulated time", PlotScale::kLog};
   for (const AccuracyPoint& point : study.points) {
-    if (point.setting.kind != DialKind::kNumerical || !point.error) continue;
+    if (!IsJudgedByReference(point.setting) || !point.error) continue;
     const std::optional<double> x = measure(*point.error);
     if (!x || !Above0(point.cost.wall_min)) continue;
     const auto same = [&](const PlotSeries& series) { return series.name == point.dial; };
     auto series = std::find_if(plot.series.begin(), plot.series.end(), same);
     if (series == plot.series.end()) {
-      series = plot.series.insert(series, PlotSeries{point.dial, {}, {}, false, true, {}});
+      series = plot.series.insert(series, Points(point, point.dial));
     }
     series->x.push_back(*x);
     series->y.push_back(point.cost.wall_min);
@@ -54,8 +63,13 @@ Plot WorkPrecision(const AccuracyStudy& study, const std::string& title, const s
   if (second) {
     plot.bands.push_back({"difference of the two references", true, *second});
     if (Above0(study.second->wall)) {
-      plot.series.push_back(
-          {"second reference", {*second}, {study.second->wall}, false, true, {study.second->name}});
+      PlotSeries one;
+      one.name = "second reference";
+      one.x = {*second};
+      one.y = {study.second->wall};
+      one.markers = true;
+      one.point_names = {study.second->name};
+      plot.series.push_back(std::move(one));
     }
   }
   plot.lines = {{"real time", 1}, {"step budget", study.limits.step_share}};
@@ -72,12 +86,12 @@ Plot ErrorOverStep(const AccuracyStudy& study, const std::string& title, const s
   std::vector<PlotSeries> lines;
   for (const AccuracyPoint& point : study.points) {
     const std::optional<double> y = point.error ? measure(*point.error) : std::nullopt;
-    if (point.setting.kind != DialKind::kNumerical || !y) continue;
+    if (!IsJudgedByReference(point.setting) || !y) continue;
     const std::string& method = point.setting.method;
     const auto same = [&](const PlotSeries& series) { return series.name == method; };
     auto series = std::find_if(plot.series.begin(), plot.series.end(), same);
     if (series == plot.series.end()) {
-      series = plot.series.insert(series, PlotSeries{method, {}, {}, false, true, {}});
+      series = plot.series.insert(series, Points(point, method));
     }
     series->x.push_back(1e3 / point.setting.rate_hz);
     series->y.push_back(*y);
@@ -90,8 +104,10 @@ Plot ErrorOverStep(const AccuracyStudy& study, const std::string& title, const s
       if (order.method != plot.series[i].name) continue;
       const auto [least, most] =
           std::minmax_element(plot.series[i].x.begin(), plot.series[i].x.end());
-      PlotSeries line{
-          absl::StrFormat("order %.2f", order.fit.order), {*least, *most}, {}, true, false, {}};
+      PlotSeries line;
+      line.name = absl::StrFormat("order %.2f", order.fit.order);
+      line.x = {*least, *most};
+      line.dashed = true;
       line.colour = static_cast<int>(i);
       for (const double dt_ms : line.x) {
         line.y.push_back(1e3 * order.fit.factor * std::pow(1e-3 * dt_ms, order.fit.order));
@@ -105,23 +121,32 @@ Plot ErrorOverStep(const AccuracyStudy& study, const std::string& title, const s
   return plot;
 }
 
+std::optional<double> PositionMm(const AccuracyError& error) {
+  return Above0(1e3 * error.position_m.l2);
+}
+std::optional<double> WorstPercent(const AccuracyError& error) {
+  return Above0(100 * error.worst_share);
+}
+
+// Cost against what the scene is judged by.
+Plot FirstDiagram(const AccuracyStudy& study) {
+  return study.chaotic ? WorkPrecision(study, "Cost against the error of the observables",
+                                       "worst of the observables, %", WorstPercent)
+                       : WorkPrecision(study, "Cost against the error of positions",
+                                       "root mean square of position errors, mm", PositionMm);
+}
+
 std::string Diagrams(const AccuracyStudy& study) {
-  const Measure position = [](const AccuracyError& e) { return Above0(1e3 * e.position_m.l2); };
   const Measure force = [](const AccuracyError& e) {
     return e.force_n ? Above0(e.force_n->l2) : std::nullopt;
   };
-  const Measure share = [](const AccuracyError& e) { return Above0(100 * e.worst_share); };
-  std::vector<Plot> plots;
+  std::vector<Plot> plots = {FirstDiagram(study)};
   if (study.chaotic) {
-    plots.push_back(WorkPrecision(study, "Cost against the error of the observables",
-                                  "worst of the observables, %", share));
     plots.push_back(ErrorOverStep(study, "Error of the observables against the step",
-                                  "worst of the observables, %", share, false));
+                                  "worst of the observables, %", WorstPercent, false));
   } else {
-    plots.push_back(WorkPrecision(study, "Cost against the error of positions",
-                                  "root mean square of position errors, mm", position));
     plots.push_back(ErrorOverStep(study, "Error of positions against the step",
-                                  "position error, mm", position, true));
+                                  "position error, mm", PositionMm, true));
   }
   if (study.peak_force_n > 0) {
     plots.push_back(WorkPrecision(study, "Cost against the error of tools' forces",
@@ -243,6 +268,15 @@ std::string References(const AccuracyStudy& study) {
   return html;
 }
 
+// Another engine's runs, or nothing: why it has none is told with the dials.
+std::string Rival(const AccuracyStudy& study) {
+  if (study.rival_about.empty()) return "";
+  return absl::StrCat(TableOf(study, DialKind::kRival,
+                              "Another engine on the same mesh, against the same reference, "
+                              "interleaved with ours and timed the same way."),
+                      HtmlParagraph(Text(study.rival_about) + ".", "soft"));
+}
+
 std::string Beside(const AccuracyStudy& study) {
   std::string html = "<h2>Mesh, law and zones</h2>\n";
   if (study.finer_mesh) {
@@ -281,7 +315,7 @@ std::string AccuracyPage(const AccuracyReport& report) {
                   TableOf(study, DialKind::kNumerical,
                           "Errors against the reference; cost is wall time per simulated second, "
                           "one run after another, interleaved."),
-                  Beside(study));
+                  Rival(study), Beside(study));
   if (!study.left_out.empty()) {
     absl::StrAppend(&body, "<h2>Left out</h2>\n<ul>");
     for (const std::string& text : study.left_out)
@@ -289,6 +323,12 @@ std::string AccuracyPage(const AccuracyReport& report) {
     absl::StrAppend(&body, "</ul>\n");
   }
   return HtmlPage("adhesim: accuracy against cost, " + study.scene, body);
+}
+
+absl::StatusOr<std::string> AccuracyPicture(const AccuracyReport& report) {
+  Plot plot = FirstDiagram(report.study);
+  plot.title = absl::StrCat(report.study.scene, ": ", plot.title);
+  return DrawPicture(plot);
 }
 
 }  // namespace adhesim

@@ -56,6 +56,8 @@ const char* KindName(DialKind kind) {
       return "mesh";
     case DialKind::kModel:
       return "model";
+    case DialKind::kRival:
+      return "rival";
   }
   return "";
 }
@@ -244,6 +246,7 @@ Json AccuracyJson(const AccuracyReport& report) {
     json["finer_mesh"] = ReferenceJson(*study.finer_mesh);
     json["own_mesh"] = ErrorJson(*study.own_mesh);
   }
+  if (!study.rival_about.empty()) json["rival"] = study.rival_about;
   for (const AccuracyDial& dial : study.dials) {
     Json one = {{"name", dial.name}, {"offered", dial.not_offered.empty()}};
     if (!dial.not_offered.empty()) one["reason"] = dial.not_offered;

@@ -9,6 +9,7 @@
 
 #include "clients/cli/accuracy_page.h"
 #include "clients/cli/accuracy_report.h"
+#include "clients/cli/bullet_accuracy.h"
 #include "clients/cli/commands.h"
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
@@ -20,7 +21,7 @@ namespace adhesim {
 namespace {
 
 struct Arguments {
-  std::string scene, html, json;
+  std::string scene, html, json, svg;
   std::vector<std::string> settings;
   AccuracyOptions options;
   bool apply = false;
@@ -37,6 +38,12 @@ absl::Status Write(const Arguments& arguments, const AccuracyReport& report) {
     const absl::Status written = WriteTextFile(arguments.html, AccuracyPage(report));
     if (!written.ok()) return written;
     std::cerr << "the page: " << arguments.html << "\n";
+  }
+  if (!arguments.svg.empty()) {
+    const absl::StatusOr<std::string> picture = AccuracyPicture(report);
+    if (!picture.ok()) return picture.status();
+    if (const absl::Status s = WriteTextFile(arguments.svg, *picture); !s.ok()) return s;
+    std::cerr << "the picture: " << arguments.svg << "\n";
   }
   if (arguments.json == "-") {
     PrintJson(AccuracyJson(report));
@@ -86,6 +93,7 @@ ExitCode Accuracy(const Arguments& arguments) {
   report.description = loaded->file.scene.description();
   AccuracyOptions options = arguments.options;
   options.stop = StopRequested;
+  options.rival = BulletRival;
   options.progress = [](const std::string& what) { std::cerr << what << " ..." << std::endl; };
   absl::StatusOr<AccuracyStudy> study =
       StudyAccuracy(loaded->file.scene, loaded->file.directory, options);
@@ -130,6 +138,9 @@ void AddAccuracyCommand(CLI::App& app, int* exit_code) {
   AccuracyOptions* options = &arguments->options;
   command->add_option("SCENE", arguments->scene, "Scene file (YAML or JSON)")->required();
   command->add_option("--html", arguments->html, "Writes the report, one page that stands alone")
+      ->type_name("FILE");
+  command
+      ->add_option("--svg", arguments->svg, "Writes its first diagram, a picture that stands alone")
       ->type_name("FILE");
   command->add_option("--json", arguments->json, "Writes the numbers; - is the standard output")
       ->type_name("FILE");

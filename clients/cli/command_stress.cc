@@ -85,6 +85,24 @@ absl::Status RunCells(const Arguments& arguments, const std::vector<const Stress
   return absl::OkStatus();
 }
 
+// The same cases in Bullet: at their own step, and where all is asked for at a short one too.
+absl::Status RunBullet(const Arguments& arguments, const std::vector<const StressCase*>& cases,
+                       StressReport* report) {
+  for (const StressCase* one : cases) {
+    for (const BulletVariant& variant : kBulletVariants) {
+      if (variant.dt_s && !arguments.all) continue;
+      if (report->Find(one->name, variant.name) != nullptr) continue;
+      const BulletCase made =
+          RunBulletCase(*one, variant.dt_s, arguments.scenes, arguments.cell_s, StopRequested);
+      if (made.result.interrupted) return absl::CancelledError("interrupted");
+      report->bullet.push_back(BulletCellOf(*one, variant, made, report->machine.commit));
+      if (made.not_expressible.empty())
+        std::cerr << StressLine(report->bullet.back()) << std::flush;
+    }
+  }
+  return Save(arguments, *report);
+}
+
 absl::Status RunTortures(const Arguments& arguments, int scenes, StressReport* report) {
   TortureReport& torture = report->torture;
   torture.first_seed = arguments.seed;
@@ -111,13 +129,14 @@ absl::Status RunTortures(const Arguments& arguments, int scenes, StressReport* r
 // Nothing after a message: there is a file with other contents.
 bool TakeUp(const Arguments& arguments, StressReport* report) {
   if (!arguments.all || arguments.json.empty() || arguments.json == "-") return true;
-  absl::StatusOr<std::vector<StressCell>> cells = ReadStressCells(arguments.json);
+  absl::StatusOr<StressReport> cells = ReadStressCells(arguments.json);
   if (absl::IsNotFound(cells.status())) return true;
   if (!cells.ok()) {
     std::cerr << "error: " << cells.status().message() << "\n";
     return false;
   }
-  report->cells = *std::move(cells);
+  report->cells = std::move(cells->cells);
+  report->bullet = std::move(cells->bullet);
   std::cerr << report->cells.size() << " cells taken over from " << arguments.json << "\n";
   return true;
 }
@@ -133,6 +152,14 @@ std::string Closing(const StressReport& report) {
       absl::StrCat(report.cells.size(), " cells: ", report.Count("survived"), " survived, ",
                    report.Count("refused"), " refused when loaded, ", report.Count("frozen"),
                    " frozen with a cause, ", report.Count("failed"), " failed\n");
+  for (const BulletVariant& variant : kBulletVariants) {
+    const int survived = report.CountBullet(variant.name, "survived");
+    const int failed = report.CountBullet(variant.name, "failed");
+    if (survived + failed == 0) continue;
+    absl::StrAppend(&text, variant.name, " on the same cases: ", survived, " survived, ", failed,
+                    " failed, ", report.CountBullet(variant.name, kNotExpressible),
+                    " not expressible\n");
+  }
   const TortureReport& torture = report.torture;
   if (torture.scenes > 0) {
     absl::StrAppendFormat(
@@ -167,6 +194,7 @@ ExitCode Stress(const Arguments& arguments) {
   // Torture alone, unless cases are asked for too.
   if (arguments.torture == 0 || arguments.all || !arguments.cases.empty()) {
     status = RunCells(arguments, *cases, &report);
+    if (status.ok()) status = RunBullet(arguments, *cases, &report);
   }
   if (status.ok() && tortures > 0) status = RunTortures(arguments, tortures, &report);
   if (status.ok()) status = Save(arguments, report);

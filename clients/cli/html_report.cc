@@ -9,7 +9,7 @@ namespace {
 
 // Series keep their order of hue in both themes; each is told apart from its background by a
 // contrast of at least 3:1 (WCAG 2.1, 1.4.11), text by 4.5:1.
-constexpr std::string_view kStyle = R"(
+constexpr std::string_view kColours = R"(
 :root {
   color-scheme: light dark;
   --page: #fbfbfa; --card: #ffffff; --ink: #1d2329; --soft: #59636e; --rule: #d7dbe0;
@@ -25,7 +25,9 @@ constexpr std::string_view kStyle = R"(
     --s5: #ff8fb8; --s6: #4fd0dd; --s7: #b5b5b5;
   }
 }
-* { box-sizing: border-box; }
+)";
+
+constexpr std::string_view kStyle = R"(* { box-sizing: border-box; }
 body { margin: 0 auto; padding: 1.5rem clamp(1rem, 4vw, 3rem) 4rem; max-width: 76rem;
   background: var(--page); color: var(--ink); font: 1rem/1.5 system-ui, sans-serif; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0 0 .3rem; }
@@ -54,7 +56,11 @@ figure { margin: 0; max-width: 42rem; background: var(--card); border: 1px solid
 figure img { width: 100%; height: auto; display: block; border-radius: 3px; }
 figcaption { font-size: .88rem; color: var(--soft); }
 .plots figcaption { color: var(--ink); font-weight: 600; margin-bottom: .2rem; }
-svg { width: 100%; height: auto; display: block; font: 12px system-ui, sans-serif; }
+@media print { body { max-width: none; } figure { break-inside: avoid; } }
+svg { width: 100%; height: auto; display: block; }
+)";
+
+constexpr std::string_view kSvgStyle = R"(svg { font: 12px system-ui, sans-serif; }
 svg text { fill: var(--ink); }
 svg .tick { fill: var(--soft); }
 svg .grid { stroke: var(--grid); }
@@ -68,8 +74,11 @@ svg .s5 { stroke: var(--s5); } svg .s6 { stroke: var(--s6); } svg .s7 { stroke: 
 svg .band { fill: var(--grid); stroke: none; }
 svg .grey { stroke: var(--grid); stroke-width: 12; }
 svg .dot { fill: var(--card); stroke-width: 2; }
-@media print { body { max-width: none; } figure { break-inside: avoid; } }
+svg .ground { fill: var(--card); }
+svg .title { font-weight: 600; font-size: 14px; }
 )";
+
+std::string View(std::string_view text) { return {text.data(), text.size()}; }
 
 }  // namespace
 
@@ -115,11 +124,13 @@ std::string PngAddress(std::string_view png) {
                       absl::Base64Escape(absl::string_view(png.data(), png.size())));
 }
 
+std::string SvgStyle() { return View(kColours) + View(kSvgStyle); }
+
 std::string HtmlPage(std::string_view title, std::string_view body) {
   return absl::StrCat(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>",
-      HtmlEscape(title), "</title>\n<style>", absl::string_view(kStyle.data(), kStyle.size()),
+      HtmlEscape(title), "</title>\n<style>", View(kColours), View(kStyle), View(kSvgStyle),
       "</style>\n</head>\n<body>\n", absl::string_view(body.data(), body.size()),
       "</body>\n</html>\n");
 }

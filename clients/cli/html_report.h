@@ -27,6 +27,9 @@ std::string HtmlParagraph(std::string_view html, std::string_view kind = "");
 // The bytes of a PNG file as an image's address.
 std::string PngAddress(std::string_view png);
 
+// The colours and rules of <svg> elements on these pages, for pictures that stand alone.
+std::string SvgStyle();
+
 // A whole page; `body` is HTML.
 std::string HtmlPage(std::string_view title, std::string_view body);
 

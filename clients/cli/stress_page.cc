@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "clients/cli/bullet_tissue.h"
 #include "clients/cli/html_report.h"
 #include "clients/cli/stress_report.h"
 
@@ -18,6 +19,7 @@ constexpr char kStyle[] = R"(<style>
   font-size: .75rem; line-height: 1.3rem; color: #fff; }
 .survived { background: #1b7f4d; } .refused { background: #5b6b7c; } .frozen { background: #1f63b5; }
 .failed { background: #c62828; } .none { background: transparent; }
+.without { background: transparent; color: var(--soft); }
 .key span.cell { display: inline-block; margin: 0 .3rem 0 1rem; }
 </style>
 )";
@@ -26,18 +28,26 @@ const char* Letter(std::string_view outcome) {
   if (outcome == "survived") return "\u2713";
   if (outcome == "refused") return "r";
   if (outcome == "frozen") return "f";
+  if (outcome == kNotExpressible) return "\u2013";
   return "\u2717";
 }
 
 std::string Square(std::string_view outcome, std::string_view title) {
-  return absl::StrCat("<span class=\"cell ", Text(outcome), "\" title=\"", Text(title), "\">",
+  const std::string_view style = outcome == kNotExpressible ? "without" : outcome;
+  return absl::StrCat("<span class=\"cell ", Text(style), "\" title=\"", Text(title), "\">",
                       Letter(outcome), "</span>");
 }
 
-// Columns: the scene's own setting, then laws, integrators and steps, in the order of the first
-// case that has them all.
+// Columns: the scene's own setting, Bullet's, then laws, integrators and steps, in the order of the
+// first case that has them all.
 std::vector<std::string> Columns(const StressReport& report) {
-  std::vector<std::string> columns;
+  std::vector<std::string> columns = {"default"};
+  for (const BulletVariant& variant : kBulletVariants) {
+    const auto has = [&](const StressCell& cell) { return cell.variant == variant.name; };
+    if (std::any_of(report.bullet.begin(), report.bullet.end(), has)) {
+      columns.emplace_back(variant.name);
+    }
+  }
   for (const StressCell& cell : report.cells) {
     if (std::find(columns.begin(), columns.end(), cell.variant) == columns.end()) {
       columns.push_back(cell.variant);
@@ -87,6 +97,56 @@ std::string Counts(const StressReport& report) {
     absl::StrAppend(&html, Square(outcome, words), report.Count(outcome), " ", words);
   }
   return html + "</p>\n";
+}
+
+std::string BulletCounts(const StressReport& report) {
+  std::string html;
+  for (const BulletVariant& variant : kBulletVariants) {
+    const int survived = report.CountBullet(variant.name, "survived");
+    const int failed = report.CountBullet(variant.name, "failed");
+    if (survived + failed == 0) continue;
+    int both = 0;  // of those, that ours survives
+    for (const StressCell& cell : report.bullet) {
+      if (cell.variant != variant.name || cell.outcome == kNotExpressible) continue;
+      const StressCell* ours = report.Find(cell.stress_case, "default");
+      both += ours != nullptr && ours->outcome == "survived";
+    }
+    absl::StrAppend(&html, "<p class=\"key\"><strong>", BulletTissue::version(), ", ",
+                    variant.dt_s ? "steps of 1 ms" : "the scenes' own steps", "</strong>: of ",
+                    survived + failed, " cases that it can express ", survived, " survived and ",
+                    failed, " failed; ours survives ", both, " of these. ",
+                    report.CountBullet(variant.name, kNotExpressible), " not expressible.</p>\n");
+  }
+  return html;
+}
+
+// The cases that both have, side by side.
+std::string BesideBullet(const StressReport& report) {
+  HtmlTable table{"", {"case", "ours"}, {false, false}, {}};
+  for (const BulletVariant& variant : kBulletVariants) {
+    table.headers.push_back(Text(variant.name));
+    table.numeric.push_back(false);
+  }
+  for (const StressCase& one : StressCases()) {
+    const StressCell* ours = report.Find(one.name, "default");
+    std::vector<std::string> row = {Text(one.name), ours == nullptr ? "" : Text(ours->outcome)};
+    bool expressible = false;
+    for (const BulletVariant& variant : kBulletVariants) {
+      const StressCell* cell = report.Find(one.name, variant.name);
+      expressible = expressible || (cell != nullptr && cell->outcome != kNotExpressible);
+      const std::string cause = cell == nullptr || cell->cause.empty() ? "" : ": " + cell->cause;
+      row.push_back(cell == nullptr ? "" : Text(cell->outcome + cause));
+    }
+    if (expressible) table.rows.push_back(std::move(row));
+  }
+  if (table.rows.empty()) return "";
+  return absl::StrCat(
+      "<h2>Beside Bullet</h2>\n", ToHtml(table), "<p class=\"soft\">", BulletTissue::version(),
+      ": ", BulletTissue::settings_text(),
+      ". Implicit steps, as in its own demo of volumes; vertices and faces touch, with obstacles "
+      "by "
+      "their distance field. Judged like ours, but for books and forces of tools, which it does "
+      "not have, and for energy where bodies overlap at the start.</p>\n");
 }
 
 std::string Torture(const TortureReport& torture) {
@@ -162,14 +222,14 @@ std::string StressPage(const StressReport& report) {
   std::string body = absl::StrCat(
       kStyle, "<h1>Hard cases</h1>\n<p class=\"soft\">adhesim ", Text(machine.version), ", commit ",
       Text(machine.commit), ", ", Text(machine.build), "; ", Text(machine.processor), "; ",
-      Text(machine.date), "</p>\n", Counts(report),
+      Text(machine.date), "</p>\n", Counts(report), BulletCounts(report),
       "<p>A case is survived when the state stays finite, energy never exceeds what was put in by "
       "more than 1 % of E_ref, the books balance and the adhesive adds nothing to 1e-9, bodies lie "
       "in each other no deeper than the capture distance (or than at the start, and come out), no "
       "tool pierces anything, tools' forces stay within their limits, and what is free has its "
       "shape again in time. Point at a square to read why.</p>\n",
-      Matrix(report), Torture(report.torture), NotSurvived(report), "<h2>Figures</h2>\n",
-      Figures(report));
+      Matrix(report), BesideBullet(report), Torture(report.torture), NotSurvived(report),
+      "<h2>Figures</h2>\n", Figures(report));
   return HtmlPage("adhesim: hard cases", body);
 }
 

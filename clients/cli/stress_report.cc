@@ -7,6 +7,9 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <optional>
+
+#include "clients/cli/bullet_tissue.h"
 
 namespace adhesim {
 namespace {
@@ -59,19 +62,91 @@ Json TortureJson(const TortureReport& torture) {
           {"failures", failures}};
 }
 
+Json CellsJson(const std::vector<StressCell>& cells) {
+  Json list = Json::array();
+  for (const StressCell& cell : cells) {
+    Json json = {{"case", cell.stress_case}, {"setting", cell.variant}, {"outcome", cell.outcome}};
+    if (!cell.cause.empty()) json["cause"] = cell.cause;
+    json["commit"] = cell.commit;
+    json["figures"] = cell.figures;
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json BulletJson(const StressReport& report) {
+  Json counts = Json::object();
+  for (const BulletVariant& variant : kBulletVariants) {
+    for (const char* outcome : {OutcomeName(StressOutcome::kSurvived),
+                                OutcomeName(StressOutcome::kFailed), kNotExpressible}) {
+      counts[variant.name][outcome] = report.CountBullet(variant.name, outcome);
+    }
+  }
+  return {{"version", BulletTissue::version()},
+          {"about", BulletTissue::settings_text()},
+          {"counts", counts},
+          {"cells", CellsJson(report.bullet)}};
+}
+
+// Nothing: it is no list of cells.
+std::optional<std::vector<StressCell>> CellsOf(const Json& list) {
+  if (!list.is_array()) return std::nullopt;
+  std::vector<StressCell> cells;
+  for (const Json& cell : list) {
+    const auto text = [&](const char* key) {
+      const auto at = cell.find(key);
+      return at != cell.end() && at->is_string() ? at->get<std::string>() : std::string();
+    };
+    if (!cell.is_object() || text("case").empty() || text("outcome").empty()) return std::nullopt;
+    cells.push_back({text("case"), text("setting"), text("outcome"), text("cause"), text("commit"),
+                     cell.value("figures", Json::object())});
+  }
+  return cells;
+}
+
 }  // namespace
 
 const StressCell* StressReport::Find(std::string_view stress_case, std::string_view variant) const {
-  const auto is = [&](const StressCell& cell) {
-    return cell.stress_case == stress_case && cell.variant == variant;
-  };
-  const auto found = std::find_if(cells.begin(), cells.end(), is);
-  return found == cells.end() ? nullptr : &*found;
+  for (const std::vector<StressCell>* list : {&cells, &bullet}) {
+    for (const StressCell& cell : *list) {
+      if (cell.stress_case == stress_case && cell.variant == variant) return &cell;
+    }
+  }
+  return nullptr;
 }
 
 int StressReport::Count(std::string_view outcome) const {
   return static_cast<int>(std::count_if(
       cells.begin(), cells.end(), [&](const StressCell& cell) { return cell.outcome == outcome; }));
+}
+
+int StressReport::CountBullet(std::string_view variant, std::string_view outcome) const {
+  return static_cast<int>(std::count_if(bullet.begin(), bullet.end(), [&](const StressCell& cell) {
+    return cell.variant == variant && cell.outcome == outcome;
+  }));
+}
+
+StressCell BulletCellOf(const StressCase& stress_case, const BulletVariant& variant,
+                        const BulletCase& bullet_case, const std::string& commit) {
+  const std::string& why = bullet_case.not_expressible;
+  const StressResult& result = bullet_case.result;
+  StressCell cell{stress_case.name,
+                  variant.name,
+                  why.empty() ? OutcomeName(result.outcome) : kNotExpressible,
+                  why.empty() ? result.cause : why,
+                  commit,
+                  Json::object()};
+  const StressFigures& f = result.figures;
+  if (f.steps == 0) return cell;
+  cell.figures = {{"dt_s", f.dt_s},
+                  {"steps", f.steps},
+                  {"simulated_s", f.simulated_s},
+                  {"cpu_s", f.cpu_s},
+                  {"energy_excess", Finite(f.energy_excess)},
+                  {"max_depth_m", f.max_depth_m},
+                  {"shape_error", Finite(f.end_shape_error)},
+                  {"rest_since_s", Finite(f.rest_since_s)}};
+  return cell;
 }
 
 StressCell CellOf(const StressCase& stress_case, const StressVariant& variant,
@@ -83,14 +158,6 @@ StressCell CellOf(const StressCase& stress_case, const StressVariant& variant,
 }
 
 Json StressJson(const StressReport& report) {
-  Json cells = Json::array();
-  for (const StressCell& cell : report.cells) {
-    Json json = {{"case", cell.stress_case}, {"setting", cell.variant}, {"outcome", cell.outcome}};
-    if (!cell.cause.empty()) json["cause"] = cell.cause;
-    json["commit"] = cell.commit;
-    json["figures"] = cell.figures;
-    cells.push_back(std::move(json));
-  }
   Json counts = Json::object();
   for (const StressOutcome outcome : {StressOutcome::kSurvived, StressOutcome::kRefused,
                                       StressOutcome::kFrozen, StressOutcome::kFailed}) {
@@ -106,28 +173,27 @@ Json StressJson(const StressReport& report) {
                  {"commit", machine.commit},
                  {"date", machine.date}}}};
   if (report.torture.scenes > 0) json["torture"] = TortureJson(report.torture);
-  json["cells"] = std::move(cells);
+  if (!report.bullet.empty()) json["bullet"] = BulletJson(report);
+  json["cells"] = CellsJson(report.cells);
   return json;
 }
 
-absl::StatusOr<std::vector<StressCell>> ReadStressCells(const std::string& path) {
+absl::StatusOr<StressReport> ReadStressCells(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) return absl::NotFoundError(absl::StrCat("cannot read ", path));
   const Json json = Json::parse(file, nullptr, false);
-  const absl::Status other = absl::InvalidArgumentError(
-      absl::StrCat(path, " is no report of `adhesim stress`; name another file, or remove it"));
-  if (!json.is_object() || !json.contains("cells") || !json["cells"].is_array()) return other;
-  std::vector<StressCell> cells;
-  for (const Json& cell : json["cells"]) {
-    const auto text = [&](const char* key) {
-      const auto at = cell.find(key);
-      return at != cell.end() && at->is_string() ? at->get<std::string>() : std::string();
-    };
-    if (!cell.is_object() || text("case").empty() || text("outcome").empty()) return other;
-    cells.push_back({text("case"), text("setting"), text("outcome"), text("cause"), text("commit"),
-                     cell.value("figures", Json::object())});
+  const Json bullet = json.is_object() ? json.value("bullet", Json::object()) : Json();
+  const auto cells = json.is_object() ? CellsOf(json.value("cells", Json())) : std::nullopt;
+  const auto theirs =
+      bullet.is_object() ? CellsOf(bullet.value("cells", Json::array())) : std::nullopt;
+  if (!cells || !theirs) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, " is no report of `adhesim stress`; name another file, or remove it"));
   }
-  return cells;
+  StressReport report;
+  report.cells = *cells;
+  report.bullet = *theirs;
+  return report;
 }
 
 absl::Status WriteStressFile(const std::string& path, const std::string& text) {

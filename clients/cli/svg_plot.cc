@@ -16,7 +16,8 @@ namespace {
 // Pixels of the view box; the page scales it.
 constexpr double kWidth = 520, kPlotHeight = 230;
 constexpr double kLeft = 66, kRight = 24, kTop = 8, kBottom = 44, kLegendRow = 18;
-constexpr double kCharacter = 7;  // mean width of a letter, for the legend's rows
+constexpr double kTitleHeight = 34;  // of pictures
+constexpr double kCharacter = 7;     // mean width of a letter, for the legend's rows
 constexpr int kColours = 8;
 constexpr int kTicks = 5;
 // Labels and coordinates never show more than doubles of such sizes need.
@@ -160,19 +161,28 @@ std::string Colour(const PlotSeries& series, std::size_t index) {
   return absl::StrCat("s", (series.colour < 0 ? index : series.colour) % kColours);
 }
 
+// A point of a series, without its end, so that it may have a title.
+std::string DrawMarker(const PlotSeries& series, const std::string& colour, double px, double py) {
+  if (!series.diamonds) {
+    return absl::StrCat("<circle class=\"dot ", colour, "\" r=\"4\" cx=\"", Pixel(px), "\" cy=\"",
+                        Pixel(py), "\"");
+  }
+  return absl::StrCat("<path class=\"dot ", colour, "\" d=\"M", Pixel(px), " ", Pixel(py - 5.5),
+                      "l5.5 5.5l-5.5 5.5l-5.5 -5.5z\"");
+}
+
 std::string DrawSeries(const PlotSeries& series, std::size_t index, const Axis& x, const Axis& y) {
   const std::string colour = Colour(series, index);
   std::string svg = absl::StrCat("<g><title>", HtmlEscape(series.name), "</title>");
   if (series.markers) {
     for (std::size_t i = 0; i < series.x.size(); ++i) {
       const double px = x.Pixel(series.x[i]), py = y.Pixel(series.y[i]);
-      absl::StrAppend(&svg, "<circle class=\"dot ", colour, "\" r=\"4\" cx=\"", Pixel(px),
-                      "\" cy=\"", Pixel(py), "\">");
+      absl::StrAppend(&svg, DrawMarker(series, colour, px, py), ">");
       const std::string name = series.point_names.empty() ? "" : series.point_names[i];
       absl::StrAppend(&svg, "<title>",
                       HtmlEscape(absl::StrFormat("%s %s: %.4g, %.4g", series.name, name,
                                                  series.x[i], series.y[i])),
-                      "</title></circle>\n");
+                      series.diamonds ? "</title></path>\n" : "</title></circle>\n");
     }
   } else if (!series.x.empty()) {
     absl::StrAppend(&svg, "<polyline class=\"curve ", colour, series.dashed ? " dashed" : "",
@@ -190,6 +200,8 @@ std::string DrawSeries(const PlotSeries& series, std::size_t index, const Axis& 
 // One entry of the legend, and how it is drawn.
 struct Entry {
   std::string name, line_class;
+  const PlotSeries* markers = nullptr;  // drawn as its points are
+  std::string colour;
 };
 
 // Entries in rows from `top_px` on; sets the rows' number.
@@ -204,10 +216,13 @@ std::string DrawLegend(const std::vector<Entry>& entries, double top_px, int* ro
       ++*rows;
     }
     const double y = top_px + kLegendRow * (*rows - 0.5);
-    absl::StrAppend(&svg, "<line class=\"", entry.line_class, "\" x1=\"", Pixel(at), "\" x2=\"",
-                    Pixel(at + 20), "\" y1=\"", Pixel(y), "\" y2=\"", Pixel(y), "\"/><text x=\"",
-                    Pixel(at + 25), "\" y=\"", Pixel(y + 4), "\">", HtmlEscape(entry.name),
-                    "</text>\n");
+    const std::string sign =
+        entry.markers != nullptr
+            ? DrawMarker(*entry.markers, entry.colour, at + 10, y)
+            : absl::StrCat("<line class=\"", entry.line_class, "\" x1=\"", Pixel(at), "\" x2=\"",
+                           Pixel(at + 20), "\" y1=\"", Pixel(y), "\" y2=\"", Pixel(y), "\"");
+    absl::StrAppend(&svg, sign, "/><text x=\"", Pixel(at + 25), "\" y=\"", Pixel(y + 4), "\">",
+                    HtmlEscape(entry.name), "</text>\n");
     at += width;
   }
   return svg;
@@ -218,10 +233,11 @@ std::vector<Entry> LegendOf(const Plot& plot) {
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     const PlotSeries& series = plot.series[i];
     entries.push_back({series.x.empty() ? absl::StrCat(series.name, " (none)") : series.name,
-                       absl::StrCat("curve ", Colour(series, i), series.dashed ? " dashed" : "")});
+                       absl::StrCat("curve ", Colour(series, i), series.dashed ? " dashed" : ""),
+                       series.markers ? &series : nullptr, Colour(series, i)});
   }
-  for (const PlotLine& line : plot.lines) entries.push_back({line.name, "limit"});
-  for (const PlotBand& band : plot.bands) entries.push_back({band.name, "grey"});
+  for (const PlotLine& line : plot.lines) entries.push_back({line.name, "limit", nullptr, ""});
+  for (const PlotBand& band : plot.bands) entries.push_back({band.name, "grey", nullptr, ""});
   return entries;
 }
 
@@ -234,9 +250,8 @@ std::string DrawBand(const PlotBand& band, const Axis& x, const Axis& y) {
                       "</title></rect>\n");
 }
 
-}  // namespace
-
-absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
+// What is within the element, and how high it is.
+absl::StatusOr<std::string> DrawInside(const Plot& plot, double* height) {
   if (const absl::Status status = Check(plot); !status.ok()) return status;
   std::vector<double> xs, ys;
   for (const PlotSeries& series : plot.series) {
@@ -252,9 +267,8 @@ absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
   const Axis x = MakeAxis(plot.x, xs, kLeft, kWidth - kRight);
   const Axis y = MakeAxis(plot.y, ys, top + kPlotHeight, top);
 
-  std::string svg =
-      absl::StrCat("<svg viewBox=\"0 0 ", kWidth, " ", top + kPlotHeight + kBottom,
-                   "\" role=\"img\" aria-label=\"", HtmlEscape(plot.title), "\">\n", legend);
+  *height = top + kPlotHeight + kBottom;
+  std::string svg = legend;
   for (const PlotBand& band : plot.bands) svg += DrawBand(band, x, y);
   svg += DrawAxes(plot, x, y);
   for (const PlotLine& line : plot.lines) {
@@ -265,8 +279,30 @@ absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     absl::StrAppend(&svg, DrawSeries(plot.series[i], i, x, y));
   }
-  absl::StrAppend(&svg, "</svg>\n");
   return svg;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> DrawPlot(const Plot& plot) {
+  double height = 0;
+  const absl::StatusOr<std::string> inside = DrawInside(plot, &height);
+  if (!inside.ok()) return inside.status();
+  return absl::StrCat("<svg viewBox=\"0 0 ", kWidth, " ", height, "\" role=\"img\" aria-label=\"",
+                      HtmlEscape(plot.title), "\">\n", *inside, "</svg>\n");
+}
+
+absl::StatusOr<std::string> DrawPicture(const Plot& plot) {
+  double height = 0;
+  const absl::StatusOr<std::string> inside = DrawInside(plot, &height);
+  if (!inside.ok()) return inside.status();
+  const std::string box = absl::StrCat(kWidth, "\" height=\"", height + kTitleHeight, "\"");
+  return absl::StrCat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"", box, " viewBox=\"0 -",
+                      kTitleHeight, " ", kWidth, " ", height + kTitleHeight, "\">\n<style>",
+                      SvgStyle(), "</style>\n<title>", HtmlEscape(plot.title),
+                      "</title>\n<rect class=\"ground\" y=\"-", kTitleHeight, "\" width=\"", box,
+                      " rx=\"6\"/>\n<text class=\"title\" x=\"", kLeft, "\" y=\"-10\">",
+                      HtmlEscape(plot.title), "</text>\n", *inside, "</svg>\n");
 }
 
 std::string DrawPlots(const std::vector<Plot>& plots) {

@@ -20,6 +20,7 @@ struct PlotSeries {
   std::vector<double> x, y;  // as long as each other
   bool dashed = false;
   bool markers = false;                  // points without a line
+  bool diamonds = false;                 // of markers: others than circles
   std::vector<std::string> point_names;  // of markers; empty or as long as x
   int colour = -1;                       // of the page's; -1: by its place among the series
 };
@@ -50,6 +51,10 @@ struct Plot {
 // InvalidArgument, naming the series, for a value that is not finite or not above 0 on a
 // logarithmic axis, and for lengths that differ.
 absl::StatusOr<std::string> DrawPlot(const Plot& plot);
+
+// The same as a file of its own, with its title and its colours, on its own ground: readable on a
+// white page and on a dark one.
+absl::StatusOr<std::string> DrawPicture(const Plot& plot);
 
 // Plots beside each other, each with its title; what cannot be drawn says why.
 std::string DrawPlots(const std::vector<Plot>& plots);

@@ -10,6 +10,12 @@
 #include "core/model/effect_name.h"
 
 namespace adhesim {
+namespace {
+
+// Constraint rows of implicit steps times particles: 64 B each.
+constexpr std::size_t kMostResponses = std::size_t{1} << 23;
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const Model> model,
                                                           const Options& options) {
@@ -88,6 +94,21 @@ absl::Status Pipeline::CompileEffects() {
   return absl::OkStatus();
 }
 
+// The effects with rows, where one of these acts on elasticity that is implicit: met after the
+// solve, against inertia alone, it would bring energy in.
+std::vector<const Effect*> Pipeline::RowsOnTissue() const {
+  std::vector<const Effect*> constraints;
+  bool on_tissue = false;
+  for (const auto& effect : effects_) {
+    if (!effect->constraints().empty()) constraints.push_back(effect.get());
+    for (const ConstraintRow& row : effect->constraints()) {
+      on_tissue = on_tissue || model_->bodies[model_->body_of[row.first]].tetrahedron_count > 0;
+    }
+  }
+  if (!on_tissue) constraints.clear();
+  return constraints;
+}
+
 absl::Status Pipeline::CompileImplicit() {
   if (model_->integrator == Integrator::kExplicit) return absl::OkStatus();
   std::vector<ImplicitSolver::StiffEffect> stiff;
@@ -95,12 +116,22 @@ absl::Status Pipeline::CompileImplicit() {
     if (effects_[e]->has_stiffness()) stiff.push_back({effects_[e].get(), effect_state_first_[e]});
   }
   if (stiff.empty()) return absl::OkStatus();
+  const std::vector<const Effect*> constraints = RowsOnTissue();
+  std::size_t rows = 0;
+  for (const Effect* effect : constraints) rows += effect->constraints().size();
+  if (const std::size_t responses = rows * model_->rest_position_m.size();
+      responses > kMostResponses) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "volume_preservation of ", rows, " bodies in a scene of ", model_->particle_count(),
+        " particles with implicit tissue: their product is ", responses, " (permitted: at most ",
+        kMostResponses, "; poisson_ratio says how incompressible tissue is)"));
+  }
   HeapMeter heap;
-  implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff));
+  implicit_ = std::make_unique<ImplicitSolver>(*model_, std::move(stiff), constraints);
   implicit_damping_n_ = total_force_n_;
   bytes_.solve += heap.Take();
   if (!model_->tools.empty()) {
-    force_error_ = std::make_unique<ForceError>(*model_);
+    force_error_ = std::make_unique<ForceError>(*model_, implicit_->rows().count());
     error_bar_.resize(model_->tools.size());
     bytes_.error = heap.Take();
     tool_system_ = std::make_unique<ToolSystem>(*model_);
@@ -110,20 +141,6 @@ absl::Status Pipeline::CompileImplicit() {
     bytes_.tools = heap.Take();
   }
   start_.velocity_change_m_s = total_force_n_;
-  // A constraint that is met after the solve moves particles against stiffness that it does not
-  // see: energy would come in.
-  for (const auto& effect : effects_) {
-    for (const ConstraintRow& row : effect->constraints()) {
-      for (int p = row.first; p < row.first + row.count; ++p) {
-        if (!implicit_->HasStiffness(p)) continue;
-        return absl::InvalidArgumentError(absl::StrCat(
-            "effect ", std::string(effect->name()), " acts on body '",
-            model_->bodies[model_->body_of[p]].name,
-            "', whose elasticity is implicit (permitted: other bodies; poisson_ratio says how "
-            "incompressible tissue is)"));
-      }
-    }
-  }
   return absl::OkStatus();
 }
 
@@ -293,10 +310,14 @@ void Pipeline::Restore(const State& state) {
   frozen_ = false;
   has_forces_ = false;
   searched_ = edges_next_ = false;
+  Forget();
+  if (sleeping_) RestoreSleep();
+}
+
+void Pipeline::Forget() {
   solver_->Forget();
   if (implicit_) implicit_->Forget();
   if (force_error_) force_error_->Forget();
-  if (sleeping_) RestoreSleep();
 }
 
 }  // namespace adhesim

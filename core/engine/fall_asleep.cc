@@ -12,11 +12,6 @@ namespace adhesim {
 
 absl::Status Pipeline::CompileSleep() {
   if (!model_->sleep) return absl::OkStatus();
-  if (model_->integrator != Integrator::kExplicit) {
-    return absl::InvalidArgumentError(
-        "sleep: implicit steps look at all bodies (permitted: integration: {integrator: explicit}, "
-        "or no sleep)");
-  }
   if (adhesive_ && (model_->adhesive->ties || model_->adhesive->bell)) {
     return absl::InvalidArgumentError(
         "sleep: ties give way and chance lets go while nothing moves (permitted: virtual_adhesive "
@@ -27,11 +22,14 @@ absl::Status Pipeline::CompileSleep() {
     return absl::InvalidArgumentError(
         absl::StrCat(effect_path_[e],
                      " acts on bodies at rest, or does not say what it leaves out (permitted "
-                     "with sleep: volume_preservation, shape_memory, uniform_gravity, drag, "
-                     "drying with a gain of 1 or more, virtual_adhesive)"));
+                     "with sleep: volume_preservation, shape_memory, elasticity, "
+                     "uniform_gravity, drag, drying with a gain of 1 or more, virtual_adhesive)"));
   }
   HeapMeter heap;
-  sleeping_ = std::make_unique<Sleeping>(*model_, detector_ ? detector_->reach_m() : 0);
+  // Stiffness is one matrix of all bodies, and its effects work in batches across them.
+  const bool together = std::any_of(effects_.begin(), effects_.end(),
+                                    [](const auto& effect) { return effect->has_stiffness(); });
+  sleeping_ = std::make_unique<Sleeping>(*model_, detector_ ? detector_->reach_m() : 0, together);
   tool_box_.reserve(model_->tools.size());
   strain_energy_j_.resize(model_->rest_position_m.size());
   Sleeping::Start(*model_, &start_);
@@ -51,7 +49,7 @@ std::span<const Aabb> Pipeline::ToolBoxes() {
 
 void Pipeline::Wake() {
   if (!sleeping_->Wake(detector_->pairs(), ToolBoxes(), &state_)) return;
-  solver_->Forget();
+  Forget();
   searched_ = false;  // what is near them is looked for in this sub-step
 }
 

@@ -6,10 +6,8 @@
 
 namespace adhesim {
 
-// Of what a tool's zone carries, about the tip; `momentum` likewise.
-Mat6 Pipeline::CarriedInertia(int t, Vec6* momentum) const {
+Mat6 Pipeline::CarriedInertia(int t) const {
   Mat6 inertia = Mat6::Zero();
-  momentum->setZero();
   for (const Zone& zone : state_.contacts.zones) {
     if (zone.tool != t) continue;
     for (int k = zone.first; k < zone.first + zone.count; ++k) {
@@ -21,11 +19,24 @@ Mat6 Pipeline::CarriedInertia(int t, Vec6* momentum) const {
       inertia.topRightCorner<3, 3>() -= m * cross;
       inertia.bottomLeftCorner<3, 3>() += m * cross;
       inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
-      momentum->head<3>() += m * state_.velocity_m_s[p];
-      momentum->tail<3>() += m * r.cross(state_.velocity_m_s[p]);
     }
   }
   return inertia;
+}
+
+Vec6 Pipeline::CarriedMomentum(int t) const {
+  Vec6 momentum = Vec6::Zero();
+  for (const Zone& zone : state_.contacts.zones) {
+    if (zone.tool != t) continue;
+    for (int k = zone.first; k < zone.first + zone.count; ++k) {
+      const int p = state_.contacts.zone_members[k];
+      const Vec3 r = state_.position_m[p] - state_.tools[t].pose.position_m;
+      const Vec3 linear = model_->mass_kg[p] * state_.velocity_m_s[p];
+      momentum.head<3>() += linear;
+      momentum.tail<3>() += r.cross(linear);
+    }
+  }
+  return momentum;
 }
 
 // Capture is a plastic impact of tissue and tool, in which both keep their momentum together. A
@@ -33,14 +44,13 @@ Mat6 Pipeline::CarriedInertia(int t, Vec6* momentum) const {
 // impulse that neither its coupling nor its mass could exert.
 void Pipeline::MeetTools() {
   for (int t = 0; t < static_cast<int>(state_.tools.size()); ++t) {
-    Vec6 momentum;
-    const Mat6 carried = CarriedInertia(t, &momentum);
+    const Mat6 carried = CarriedInertia(t);
     if (carried.isZero(0)) continue;
     ToolState& tool = state_.tools[t];
     const Mat6 own = ToolInertia(model_->tools[t], tool.pose);
     Vec6 twist;
     twist << tool.twist.linear_m_s, tool.twist.angular_rad_s;
-    twist = (own + carried).ldlt().solve(own * twist + momentum);
+    twist = (own + carried).ldlt().solve(own * twist + CarriedMomentum(t));
     tool.twist = {twist.head<3>(), twist.tail<3>()};
   }
 }

@@ -10,7 +10,7 @@ void Pipeline::MoveTools(double dt_s) {
     tool_pose_[t] = state_.tools[t].pose;
     last_twist_[t] = state_.tools[t].twist;
   }
-  const bool together = tool_system_ && MoveWithTissue(dt_s);
+  const bool together = tool_system_ && !AllSleep() && MoveWithTissue(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const int tool = static_cast<int>(t);
     if (!together || !tool_system_->holds(tool)) FollowAgainstForces(tool, dt_s);
@@ -27,8 +27,7 @@ void Pipeline::MoveTools(double dt_s) {
 void Pipeline::FollowAgainstForces(int t, double dt_s) {
   ToolState& tool = state_.tools[t];
   // What the tool carries: the inertia of its zone, and the forces on it.
-  Vec6 momentum;
-  const Mat6 inertia = ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(t, &momentum);
+  const Mat6 inertia = ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(t);
   Wrench applied = tool.rubbed;
   for (const Zone& zone : state_.contacts.zones) {
     if (zone.tool != t) continue;
@@ -60,10 +59,7 @@ bool Pipeline::MoveWithTissue(double dt_s) {
                            &parallel_)) {
     return false;
   }
-  const auto with_carried = [&](int t) -> Mat6 {
-    Vec6 momentum;
-    return own_inertia_[t] + CarriedInertia(t, &momentum);
-  };
+  const auto with_carried = [&](int t) -> Mat6 { return own_inertia_[t] + CarriedInertia(t); };
   const auto solve = [&] {
     for (int t = 0; t < tools; ++t) {
       const ToolState& tool = state_.tools[t];

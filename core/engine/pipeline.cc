@@ -163,7 +163,7 @@ void Pipeline::Substep(double dt_s, bool first) {
     FallAsleep();
     clock_.Lap(sleep_stage_);
   }
-  if (implicit_) {
+  if (implicit_ && !AllSleep()) {
     implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
     clock_.Lap(solve_stage_);
   }
@@ -173,7 +173,7 @@ void Pipeline::Substep(double dt_s, bool first) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  if (force_error_) BoundToolForces(dt_s);
+  if (force_error_ && !AllSleep()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -228,9 +228,9 @@ void Pipeline::EndSliding() {
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
 void Pipeline::Separate() {
-  if (sleeping_) {
+  if (sleeping_ && state_.sleep.bodies > 0) {
     sleeping_->WakeAll(&state_);
-    solver_->Forget();
+    Forget();
   }
   state_.contacts.overlapping = !overlap_->Find(state_.position_m).empty();
   if (!state_.contacts.overlapping) return;
@@ -315,10 +315,12 @@ void Pipeline::Solve(double dt_s) {
   int passes = 0, caught = 0;
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
-    if (implicit_) {
+    std::span<const double> multipliers;
+    if (implicit_ && !AllSleep()) {
       implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_);
+      multipliers = implicit_->row_multipliers();
     }
-    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_);
+    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers);
     if (!adhesive_) return;
     int changes = 0;
     if (releasing && passes < kReleasePasses) {

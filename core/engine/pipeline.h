@@ -58,6 +58,7 @@ class Pipeline : public Engine {
       : model_(std::move(model)), parallel_(options.threads, options.simd) {}
   absl::Status CompileEffects();
   absl::Status CompileImplicit();
+  std::vector<const Effect*> RowsOnTissue() const;
   void CompileContact();
   void CompileRungs();
   absl::Status CompileTools();
@@ -69,7 +70,9 @@ class Pipeline : public Engine {
 
   int SubstepsNow();
   Twist ComingTwist(int tool) const;
-  Mat6 CarriedInertia(int tool, Vec6* momentum) const;
+  // Of what the tool's zone carries, about the tip.
+  Mat6 CarriedInertia(int tool) const;
+  Vec6 CarriedMomentum(int tool) const;
   void MeetTools();
   void SetTargets(std::span<const ToolInput> tools);
   void Substep(double dt_s, bool first);
@@ -100,6 +103,10 @@ class Pipeline : public Engine {
   void Wake();
   void FallAsleep();
   void LeaveOutSleepers();
+  // What solvers keep is not of the state to come.
+  void Forget();
+  // Where anything is implicit, all sleep or none.
+  bool AllSleep() const { return implicit_ && state_.sleep.bodies > 0; }
   void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();

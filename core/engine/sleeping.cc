@@ -17,9 +17,10 @@ std::span<const std::int32_t> Members(const Contacts& contacts, const Zone& zone
 
 }  // namespace
 
-Sleeping::Sleeping(const Model& model, double reach_m)
+Sleeping::Sleeping(const Model& model, double reach_m, bool together)
     : model_(model),
       reach_m_(reach_m),
+      together_(together),
       islands_(model.bodies.size()),
       kept_awake_(islands_.size()) {
   // One look more than steps: the first one has no time before it.
@@ -77,6 +78,10 @@ bool Sleeping::Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools
       if (sleep.asleep[b] && near.Overlaps(sleep.box_m[b])) wake(static_cast<int>(b));
     }
   }
+  if (together_) {
+    if (sleep.bodies < before) WakeAll(state);
+    return sleep.bodies < before;
+  }
   for (int left = before + 1; left != sleep.bodies;) {
     left = sleep.bodies;
     for (const BodyPair& pair : pairs) {
@@ -99,7 +104,6 @@ bool Sleeping::Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools
 }
 
 void Sleeping::WakeAll(State* state) {
-  if (state->sleep.bodies == 0) return;
   std::fill(state->sleep.asleep.begin(), state->sleep.asleep.end(), 0);
   std::fill(state->sleep.calm_steps.begin(), state->sleep.calm_steps.end(), 0);
   state->sleep.bodies = 0;
@@ -148,11 +152,16 @@ std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
   KeepAwake(state->contacts, tools, sleep);
   Join(pairs, *state);
   KeepFallersAwake(field_n, state->contacts);
-  for (std::size_t b = 0; b < islands_.size(); ++b) {
-    if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
-    if (!kept_awake_[islands_.Root(static_cast<int>(b))])
-      tired_.push_back(static_cast<std::int32_t>(b));
+  bool all = true;
+  for (int b = 0; b < static_cast<int>(islands_.size()); ++b) {
+    if (sleep.asleep[b] || !CanMove(b)) continue;
+    if (!kept_awake_[islands_.Root(b)]) {
+      tired_.push_back(b);
+    } else {
+      all = false;
+    }
   }
+  if (together_ && !all) tired_.clear();
   return tired_;
 }
 

@@ -22,7 +22,8 @@ namespace adhesim {
 class Sleeping {
  public:
   // Boxes are within reach_m of each other, or not: that of contact, 0 without.
-  Sleeping(const Model& model, double reach_m);
+  // `together`: all that can move falls asleep at once, or nothing, and wakes at once.
+  Sleeping(const Model& model, double reach_m, bool together);
 
   // Everything is awake.
   static void Start(const Model& model, State* state);
@@ -59,6 +60,7 @@ class Sleeping {
 
   const Model& model_;
   double reach_m_;
+  bool together_;
   std::int32_t tired_after_;                 // calm looks
   DisjointSets islands_;                     // of bodies
   std::vector<std::uint8_t> kept_awake_;     // [#bodies] by itself; at roots, of the island

@@ -17,7 +17,9 @@ bool IsPreserved(const v1::Scene& scene, const Body& body) {
   return std::any_of(scene.effects().begin(), scene.effects().end(), [&](const v1::Effect& effect) {
     if (!effect.has_volume_preservation()) return false;
     const auto& names = effect.volume_preservation().bodies();
-    return names.empty() || std::find(names.begin(), names.end(), body.name) != names.end();
+    // Without names, tissue is left out.
+    if (names.empty()) return body.tetrahedron_count == 0;
+    return std::find(names.begin(), names.end(), body.name) != names.end();
   });
 }
 

@@ -67,7 +67,8 @@ class Effect {
   virtual std::string_view name() const = 0;
 
   // True: it acts within bodies only, not by the time, and leaves out those that sleep
-  // (ForceInput::asleep): no force, no energy, no constraint of theirs.
+  // (ForceInput::asleep): no force, no energy, no constraint of theirs. In a scene with an effect
+  // that has_stiffness() all bodies that can move sleep, or none.
   virtual bool lets_sleep() const { return false; }
 
   // --- Forces.

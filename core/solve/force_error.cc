@@ -13,10 +13,14 @@ constexpr int kShare = 4;            // and one for so many of the solve
 
 }  // namespace
 
-ForceError::ForceError(const Model& model) : model_(model) {
+ForceError::ForceError(const Model& model, std::size_t rows)
+    : model_(model), row_speed_(rows), row_answer_(rows) {
   const std::size_t n = model.rest_position_m.size();
   columns_.resize(kColumns * model.tools.size());
-  for (Column& column : columns_) column.w.assign(n, Padded{});
+  for (Column& column : columns_) {
+    column.w.assign(n, Padded{});
+    column.row_speed.assign(rows, 0);
+  }
   members_.assign(model.tools.size(), 0);
   bars_.resize(model.tools.size());
   motion_.assign(n, Padded{});
@@ -73,14 +77,21 @@ void ForceError::Update(const State& state, std::span<const RigidGroup> groups, 
   } while (members_[next_ / kColumns] == 0);
   Renew(state, groups, next_ / kColumns, next_ % kColumns, iterations, &system, parallel);
 
+  ImplicitRows& rows = solver->rows();
+  if (!rows.empty()) {
+    rows.ResponsesTo(solver->residual_ns(), row_speed_);
+    rows.AnswerTo(row_speed_, row_answer_);
+  }
   const double left = kWiden * std::sqrt(solver->residual_sq());
   for (int tool = 0; tool < static_cast<int>(bars_.size()); ++tool) {
     if (members_[tool] == 0) continue;
     Bar& bar = bars_[tool];
     double error_sq[2] = {0, 0};
+    if (!rows.empty()) MeasureRows(state, groups, tool, rows);
     for (int k = 0; k < kColumns; ++k) {
       const Column& column = ColumnOf(tool, k);
       double seen = 0;
+      for (std::size_t r = 0; r < rows.count(); ++r) seen += column.row_speed[r] * row_answer_[r];
       for (std::size_t p = 0; p < column.w.size(); ++p) {
         for (int c = 0; c < 3; ++c) seen += column.w[p].v[c] * solver->residual_ns()[p].v[c];
       }
@@ -88,9 +99,58 @@ void ForceError::Update(const State& state, std::span<const RigidGroup> groups, 
       error_sq[k / 3] += error * error;
       if (k < 3) bar.stiffness_n_m.col(k) = -column.force_ns / (dt_s * dt_s);
     }
+    if (!rows.empty()) AddRowStiffness(tool, dt_s, &rows, &bar);
     bar.known = true;
     bar.force_n = std::sqrt(error_sq[0]);
     bar.torque_nm = std::sqrt(error_sq[1]);
+  }
+}
+
+// Visits (zone, particle) of all that the tool moves.
+template <typename Visit>
+void ForceError::ForEachMember(const State& state, int tool, const Visit& visit) const {
+  for (std::size_t z = 0; z < state.contacts.zones.size(); ++z) {
+    const Zone& zone = state.contacts.zones[z];
+    if (zone.tool != tool) continue;
+    for (int i = zone.first; i < zone.first + zone.count; ++i) {
+      const int p = state.contacts.zone_members[i];
+      if (!model_.fixed[p]) visit(z, p);
+    }
+  }
+}
+
+// motion_: the tool's members move by unit k, all else by its column.
+void ForceError::SetMotion(const State& state, std::span<const RigidGroup> groups, int tool,
+                           int k) {
+  const std::vector<Padded>& w = ColumnOf(tool, k).w;
+  for (std::size_t p = 0; p < motion_.size(); ++p) {
+    for (int c = 0; c < 3; ++c) motion_[p].v[c] = -w[p].v[c];
+  }
+  ForEachMember(state, tool, [&](std::size_t zone, int p) {
+    const Vec3 unit = Vec3::Unit(k % 3);
+    motion_[p].Set(k < 3 ? unit : Vec3(unit.cross(state.position_m[p] - groups[zone].pivot_m)));
+  });
+}
+
+// What a tool's unit motions do to the rows when everything follows by its columns.
+void ForceError::MeasureRows(const State& state, std::span<const RigidGroup> groups, int tool,
+                             const ImplicitRows& rows) {
+  for (int k = 0; k < kColumns; ++k) {
+    SetMotion(state, groups, tool, k);
+    std::vector<double>& speed = ColumnOf(tool, k).row_speed;
+    for (std::size_t r = 0; r < rows.count(); ++r) speed[r] = rows.SpeedOf(r, motion_);
+  }
+}
+
+// Rows that hold answer such motions by their own impulses.
+void ForceError::AddRowStiffness(int tool, double dt_s, ImplicitRows* rows, Bar* bar) {
+  for (int k = 0; k < 3; ++k) {
+    rows->AnswerTo(ColumnOf(tool, k).row_speed, row_speed_);
+    for (int j = 0; j < 3; ++j) {
+      const std::vector<double>& speed = ColumnOf(tool, j).row_speed;
+      for (std::size_t r = 0; r < rows->count(); ++r)
+        bar->stiffness_n_m(j, k) -= speed[r] * row_speed_[r] / (dt_s * dt_s);
+    }
   }
 }
 
@@ -98,29 +158,10 @@ void ForceError::Update(const State& state, std::span<const RigidGroup> groups, 
 void ForceError::Renew(const State& state, std::span<const RigidGroup> groups, int tool, int k,
                        int iterations, SubspaceSystem* system, Parallel* parallel) {
   Column& column = ColumnOf(tool, k);
-  const auto for_each_member = [&](const auto& visit) {
-    for (std::size_t z = 0; z < groups.size(); ++z) {
-      const Zone& zone = state.contacts.zones[z];
-      if (zone.tool != tool) continue;
-      for (int i = zone.first; i < zone.first + zone.count; ++i) {
-        const int p = state.contacts.zone_members[i];
-        if (!model_.fixed[p]) visit(groups[z], p);
-      }
-    }
-  };
-  const auto set_motion = [&] {
-    for (std::size_t p = 0; p < motion_.size(); ++p) {
-      for (int c = 0; c < 3; ++c) motion_[p].v[c] = -column.w[p].v[c];
-    }
-    for_each_member([&](const RigidGroup& group, int p) {
-      const Vec3 unit = Vec3::Unit(k % 3);
-      motion_[p].Set(k < 3 ? unit : Vec3(unit.cross(state.position_m[p] - group.pivot_m)));
-    });
-  };
-  set_motion();
+  SetMotion(state, groups, tool, k);
   system->Multiply(motion_, lacking_, parallel);
   double size_sq = 0;  // (J e_k)^T A_cc J e_k bounds w.A w
-  for_each_member([&](const RigidGroup&, int p) {
+  ForEachMember(state, tool, [&](std::size_t, int p) {
     const Mat3& inverse = system->inverse_diagonal(p);
     if (inverse.trace() > 0) size_sq += motion_[p].vec().squaredNorm() / (inverse.trace() / 3);
   });
@@ -128,9 +169,9 @@ void ForceError::Renew(const State& state, std::span<const RigidGroup> groups, i
       system->Solve(kConverged * std::sqrt(size_sq), iterations, column.w, lacking_, parallel)
           .residual_sq;
   if (k >= 3) return;
-  set_motion();
+  SetMotion(state, groups, tool, k);
   column.force_ns.setZero();
-  for_each_member([&](const RigidGroup&, int p) {
+  ForEachMember(state, tool, [&](std::size_t, int p) {
     column.force_ns += system->MultiplyRow(p, motion_) - model_.mass_kg[p] * motion_[p].vec();
   });
 }

@@ -7,9 +7,6 @@
 namespace adhesim {
 namespace {
 
-constexpr double kNewtonForcing = 1e-3;  // what a linear solve leaves of Newton's residual
-constexpr double kSlopeLeft = 0.2;       // of the slope at the start, where a line search ends
-constexpr int kSearchAttempts = 8;
 constexpr double kRoundOff = 1e-15;  // of a force, relative to stiffness times position
 
 }  // namespace
@@ -20,11 +17,13 @@ BlockMatrix ImplicitSolver::MatrixOf(const Model& model, const std::vector<Stiff
   return BlockMatrix(model.particle_count(), std::move(pattern));
 }
 
-ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effects)
+ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effects,
+                               std::vector<const Effect*> constraints)
     : model_(model),
       effects_(std::move(effects)),
       matrix_(MatrixOf(model, effects_)),
       system_(model, matrix_),
+      rows_(model, std::move(constraints)),
       arcs_(model) {
   const std::size_t n = model.rest_position_m.size();
   int state_size = 0;
@@ -44,14 +43,11 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
   if (model.integrator == Integrator::kNewton) {
     explicit_n_.assign(n, Vec3::Zero());
     for (auto* array : {&newton_, &last_residual_ns_}) array->assign(n, Padded{});
+    if (!rows_.empty()) without_rows_m_s_.assign(n, Padded{});
   }
   for (auto* array : {&prescribed_m_s_, &change_m_s_, &residual_ns_, &direction_, &product_}) {
     array->assign(n, Padded{});
   }
-}
-
-bool ImplicitSolver::HasStiffness(int particle) const {
-  return matrix_.row_start()[particle + 1] - matrix_.row_start()[particle] > 1;
 }
 
 ForceInput ImplicitSolver::InputOf(const StiffEffect& stiff, const ForceInput& all) const {
@@ -98,6 +94,7 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
     assembled_ago_ = 0;
   }
   SetScale(state, dt_s);
+  if (!rows_.empty()) rows_.Begin(state.position_m);
   if (explicit_n_.empty()) {
     arcs_.Update(state, dt_s);
     return;
@@ -143,6 +140,7 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
   system_.SetZones(*state, groups);
   Prescribe(*state, groups);
   iterations_ = 0;
+  rows_.Clear();
   if (model_.integrator == Integrator::kNewton) {
     SolveNewton(groups, dt_s, *state, parallel, report);
   } else {
@@ -175,15 +173,24 @@ void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt
 
 // In terms of u = v_{n+1} - c: A u = M (v_n - c) + dt f, f without the damping of stiff effects,
 // which is linear.
-void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,
-                                 const State& state, Parallel* parallel, StepReport* report) {
-  system_.Multiply(prescribed_m_s_, product_, parallel);
+void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* parallel) {
+  for (std::size_t p = 0; p < direction_.size(); ++p) {
+    for (int k = 0; k < 3; ++k) {
+      direction_[p].v[k] = prescribed_m_s_[p].v[k] + change_m_s_[p].v[k];
+    }
+  }
+  system_.Multiply(direction_, product_, parallel);
   for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(model_.mass_kg[p] * prescribed_m_s_[p].vec() + dt_s * start_total_n_[p] -
-                        product_[p].vec());
+    residual_ns_[p].Set(model_.mass_kg[p] * prescribed_m_s_[p].vec() + dt_s * start_total_n_[p] +
+                        rows_.ImpulseOn(static_cast<int>(p)) - product_[p].vec());
   }
+}
+
+void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,
+                                 const State& state, Parallel* parallel, StepReport* report) {
+  LinearResidual(dt_s, state, parallel);
   const double start_sq = system_.Precondition(residual_ns_, direction_, parallel);
   const double scale = std::max(scale_, std::sqrt(start_sq));
   system_.Balance(change_m_s_, residual_ns_);
@@ -194,11 +201,44 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
   iterations_ = result.iterations;
   system_.BalanceTurns(change_m_s_, residual_ns_, parallel);
   system_.Balance(change_m_s_, residual_ns_);
+  if (!rows_.empty()) {
+    MeetRows(dt_s, state, parallel, report);
+    LinearResidual(dt_s, state, parallel);
+    system_.Balance(change_m_s_, residual_ns_);
+  }
   residual_sq_ = system_.Precondition(residual_ns_, direction_, parallel);
   if (!result.converged) report->bits |= kStepNotConverged;
   // What is not a number must not look like rest.
   if (!std::isfinite(residual_sq_)) {
     for (Padded& change : change_m_s_) change.v[0] = std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+// The worst row's relative error where the velocities found lead.
+double ImplicitSolver::MeasureRows(double dt_s, const State& state) {
+  for (std::size_t p = 0; p < position_m_.size(); ++p) {
+    const Vec3 velocity = prescribed_m_s_[p].vec() + change_m_s_[p].vec() + arc_m_s_[p];
+    position_m_[p] = state.position_m[p] + dt_s * velocity;
+  }
+  return rows_.Measure(dt_s, position_m_);
+}
+
+// What is nearly flat, or turns far in a sub-step, may lead the iteration away: then the best is
+// kept, and the rest of the step says what it could not mend.
+void ImplicitSolver::MeetRows(double dt_s, const State& state, Parallel* parallel,
+                              StepReport* report) {
+  iterations_ +=
+      rows_.Respond(effort_.tolerance, model_.max_iterations, &system_, parallel, report);
+  double last = std::numeric_limits<double>::infinity();
+  for (int iteration = 0;; ++iteration) {
+    const double worst = MeasureRows(dt_s, state);
+    if (worst <= kRowTolerance || iteration == kRowIterations) return;
+    if (!(worst < last)) {
+      if (iteration > 0) rows_.GoBack(change_m_s_, residual_ns_);
+      return;
+    }
+    last = worst;
+    rows_.Advance(change_m_s_, residual_ns_);
   }
 }
 
@@ -225,102 +265,6 @@ void ImplicitSolver::StartFromLastChange(std::span<const RigidGroup> groups, con
   }
 }
 
-// r = dt f(x_n + dt v, v) - M (v - v_n) of the velocities tried, and its norm.
-double ImplicitSolver::NewtonResidual(double dt_s, const State& state, Parallel* parallel) {
-  for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
-    velocity_m_s_[p] = prescribed_m_s_[p].vec() + change_m_s_[p].vec();
-    position_m_[p] = state.position_m[p] + dt_s * velocity_m_s_[p];
-  }
-  EvaluateStiff({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_, true});
-  for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
-    residual_ns_[p] = Padded{};
-    if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(dt_s * (explicit_n_[p] + elastic_n_[p] + damping_n_[p]) -
-                        model_.mass_kg[p] * (velocity_m_s_[p] - state.velocity_m_s[p]));
-  }
-  return system_.Precondition(residual_ns_, product_, parallel);
-}
-
-double ImplicitSolver::Slope(std::span<const Padded> direction) const {
-  double sum = 0;
-  for (std::size_t p = 0; p < direction.size(); ++p) {
-    sum -= direction[p].vec().dot(residual_ns_[p].vec());
-  }
-  return sum;
-}
-
-// Looks for the end of descent along a direction by its slope: energies would lose their digits
-// near the solution, and damping has none. Secants, kept within what is known to lie too near and
-// too far.
-void ImplicitSolver::SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
-                                 Parallel* parallel) {
-  const double start = Slope(direction);
-  double near = 0, near_slope = start, far = 0, far_slope = 0, taken = 0, step = 1;
-  for (int attempt = 0;; ++attempt) {
-    for (std::size_t p = 0; p < direction.size(); ++p) {
-      for (int k = 0; k < 3; ++k) change_m_s_[p].v[k] += (step - taken) * direction[p].v[k];
-    }
-    taken = step;
-    residual_sq_ = NewtonResidual(dt_s, state, parallel);
-    const double slope = Slope(direction);
-    if (std::abs(slope) <= kSlopeLeft * std::abs(start) || attempt == kSearchAttempts) return;
-    if (slope < 0) {
-      near = step;
-      near_slope = slope;
-    } else {
-      far = step;
-      far_slope = std::isfinite(slope) ? slope : -near_slope;
-    }
-    if (far > 0) {
-      const double part = near_slope / (near_slope - far_slope);
-      step = near + std::clamp(part, 0.1, 0.9) * (far - near);
-    } else {
-      const double secant = start < slope ? start / (start - slope) : 2;
-      step *= std::clamp(secant, 1.1, 4.0);
-    }
-  }
-}
-
-// Newton's directions, made conjugate (Polak and Ribiere): the stiffness is that of a convex model,
-// and where it is too stiff Newton alone would creep.
-void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s,
-                                 const State& state, Parallel* parallel, StepReport* report) {
-  residual_sq_ = NewtonResidual(dt_s, state, parallel);
-  const double target =
-      std::max(effort_.tolerance * std::max(scale_, std::sqrt(residual_sq_)), round_off_);
-  double last_descent = 0;
-  for (int k = 0; residual_sq_ > target * target && k < effort_.newton_iterations; ++k) {
-    Assemble({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_}, dt_s);
-    system_.SetZones(state, groups);
-    std::fill(newton_.begin(), newton_.end(), Padded{});
-    std::copy(residual_ns_.begin(), residual_ns_.end(), product_.begin());
-    const double left = std::max(kNewtonForcing * std::sqrt(residual_sq_), 0.1 * target);
-    iterations_ +=
-        system_.Solve(left, model_.max_iterations, newton_, product_, parallel).iterations;
-    double descent = 0, change = 0;
-    for (std::size_t p = 0; p < newton_.size(); ++p) {
-      const Vec3 step = newton_[p].vec(), residual = residual_ns_[p].vec();
-      descent += step.dot(residual);
-      change += step.dot(residual - last_residual_ns_[p].vec());
-    }
-    const double conjugate = k > 0 ? std::max(0.0, change / last_descent) : 0;
-    for (std::size_t p = 0; p < newton_.size(); ++p) {
-      for (int c = 0; c < 3; ++c) {
-        direction_[p].v[c] = newton_[p].v[c] + (k > 0 ? conjugate * direction_[p].v[c] : 0);
-      }
-    }
-    if (!(Slope(direction_) < 0)) std::copy(newton_.begin(), newton_.end(), direction_.begin());
-    last_descent = descent;
-    std::copy(residual_ns_.begin(), residual_ns_.end(), last_residual_ns_.begin());
-    SearchAlong(direction_, dt_s, state, parallel);
-    if (!std::isfinite(residual_sq_)) break;
-  }
-  if (!(residual_sq_ <= target * target)) report->bits |= kStepNotConverged;
-  if (!std::isfinite(residual_sq_)) {
-    for (Padded& change : change_m_s_) change.v[0] = std::numeric_limits<double>::quiet_NaN();
-  }
-}
-
 void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double dt_s,
                                      const State& state, const Forces& forces, Parallel* parallel) {
   const bool newton = model_.integrator == Integrator::kNewton;
@@ -334,9 +278,9 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
   for (int p = 0; p < model_.particle_count(); ++p) {
     const Vec3 momentum = model_.mass_kg[p] * velocity_m_s_[p];
     if (system_.active(p) && state.contacts.zone_of[p] < 0) {
-      forces.total[p] =
-          (momentum + model_.mass_kg[p] * arc_m_s_[p] - model_.mass_kg[p] * state.velocity_m_s[p]) /
-          dt_s;
+      forces.total[p] = (momentum + model_.mass_kg[p] * arc_m_s_[p] -
+                         model_.mass_kg[p] * state.velocity_m_s[p] - rows_.ImpulseOn(p)) /
+                        dt_s;
     } else if (newton) {
       forces.total[p] = explicit_n_[p] + elastic_n_[p] + damping_n_[p];
     } else {
@@ -352,7 +296,8 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
 }
 
 // A free zone's forces, too, lead to the velocities found: what is missing goes to its members by
-// mass.
+// mass. In a zone that turns about a pin this has a sum, which the pins take: forces inside a body
+// have none.
 void ImplicitSolver::MatchFreeZones(std::span<const RigidGroup> groups, double dt_s,
                                     const State& state, std::span<Vec3> force_n) const {
   for (std::size_t z = 0; z < groups.size(); ++z) {
@@ -362,17 +307,23 @@ void ImplicitSolver::MatchFreeZones(std::span<const RigidGroup> groups, double d
     Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();
     for (int p : members) {
       if (!system_.active(p)) continue;
-      const Vec3 missing =
-          model_.mass_kg[p] * (velocity_m_s_[p] - state.velocity_m_s[p]) - dt_s * force_n[p];
+      const Vec3 missing = model_.mass_kg[p] * (velocity_m_s_[p] - state.velocity_m_s[p]) -
+                           dt_s * force_n[p] - rows_.ImpulseOn(p);
       impulse += missing;
       moment += (state.position_m[p] - group.pivot_m).cross(missing);
     }
     const Twist twist = group.Response(impulse, moment);
+    Vec3 sum = Vec3::Zero();
     for (int p : members) {
       if (!system_.active(p)) continue;
-      force_n[p] +=
+      const Vec3 force =
           (model_.mass_kg[p] / dt_s) *
           (twist.linear_m_s + twist.angular_rad_s.cross(state.position_m[p] - group.pivot_m));
+      force_n[p] += force;
+      sum += force;
+    }
+    for (int p : members) {
+      if (model_.fixed[p]) force_n[p] -= sum / zone.pins;
     }
   }
 }

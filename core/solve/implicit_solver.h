@@ -9,6 +9,7 @@
 #include "core/model/frame.h"
 #include "core/model/state.h"
 #include "core/solve/arcs.h"
+#include "core/solve/implicit_rows.h"
 #include "core/solve/rigid_group.h"
 #include "core/solve/subspace_system.h"
 
@@ -28,6 +29,9 @@ namespace adhesim {
 // its sum); on members that something holds the force is f - K dt v_{n+1} - D dv itself, so that
 // what tools and pins carry is the residual of the equation there.
 //
+// Constraint rows are met within the solve (implicit_rows.h). Their impulses are no part of the
+// forces handed on: row_multipliers() go with them.
+//
 // Allocates at construction only.
 class ImplicitSolver {
  public:
@@ -42,8 +46,9 @@ class ImplicitSolver {
     std::span<Vec3> total;
   };
 
-  // The effects outlive the solver.
-  ImplicitSolver(const Model& model, std::vector<StiffEffect> effects);
+  // The effects outlive the solver. `constraints`: those whose rows it meets, all or none.
+  ImplicitSolver(const Model& model, std::vector<StiffEffect> effects,
+                 std::vector<const Effect*> constraints = {});
   ImplicitSolver(const ImplicitSolver&) = delete;
   ImplicitSolver& operator=(const ImplicitSolver&) = delete;
 
@@ -57,9 +62,6 @@ class ImplicitSolver {
   void SetEffort(const Effort& effort) { effort_ = effort; }
   // What is kept from earlier sub-steps is not of the state to come.
   void Forget() { assembled_dt_s_ = 0; }
-
-  // True where forces on the particle depend on others' positions.
-  bool HasStiffness(int particle) const;
 
   // Once a sub-step: keeps the forces and makes A at the state's positions.
   void Begin(const State& state, std::span<const NearPair> near, const Forces& forces, double dt_s,
@@ -84,6 +86,9 @@ class ImplicitSolver {
   std::span<const Padded> residual_ns() const { return residual_ns_; }
   double residual_sq() const { return residual_sq_; }
   int iterations() const { return iterations_; }
+  // Of the last Solve(), empty without rows: N s along the gradients at x_n.
+  std::span<const double> row_multipliers() const { return rows_.multipliers(); }
+  ImplicitRows& rows() { return rows_; }
   // A and the subspace of the last Solve().
   SubspaceSystem& system() { return system_; }
 
@@ -94,12 +99,21 @@ class ImplicitSolver {
   double EvaluateStiff(const ForceInput& all);
   void SetScale(const State& state, double dt_s);
   void Prescribe(const State& state, std::span<const RigidGroup> groups);
+  void LinearResidual(double dt_s, const State& state, Parallel* parallel);
   void SolveLinear(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
   void StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
                            Parallel* parallel);
   void SolveNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
+  // Of rows: each iteration leaves the part by which gradients change in the step. What is left in
+  // the end is met on inertia alone.
+  static constexpr int kRowIterations = 12;
+  static constexpr double kRowTolerance = 1e-12;
+  double MeasureRows(double dt_s, const State& state);
+  void MeetRows(double dt_s, const State& state, Parallel* parallel, StepReport* report);
+  void IterateNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                     Parallel* parallel, StepReport* report);
   double Slope(std::span<const Padded> direction) const;
   void SearchAlong(std::span<const Padded> direction, double dt_s, const State& state,
                    Parallel* parallel);
@@ -116,6 +130,7 @@ class ImplicitSolver {
   int assembled_ago_ = 0;      // sub-steps
   BlockMatrix matrix_;
   SubspaceSystem system_;
+  ImplicitRows rows_;
   std::vector<std::int32_t> diagonal_;  // [#particles] slots
   bool damps_ = false;                  // some stiff effect has damping
   std::span<const NearPair> near_;
@@ -134,6 +149,7 @@ class ImplicitSolver {
   std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
+  std::vector<Padded> without_rows_m_s_;           // Newton with rows only
 };
 
 }  // namespace adhesim

@@ -81,7 +81,10 @@ void OpenLedgers(const Model& model, State* state) {
 
 void BookElastic(double elastic_j, State* state) {
   Ledger& ledger = state->ledger;
-  if (ledger.reference_j == 0 && state->step == 0) ledger.initial_j = ledger.kinetic_j + elastic_j;
+  if (ledger.reference_j == 0 && state->step == 0) {
+    // The first look for contacts comes before the first forces.
+    ledger.initial_j = ledger.kinetic_j + elastic_j + ledger.captured_j - ledger.tool_work_j;
+  }
   ledger.numerical_j -= elastic_j - ledger.elastic_j + ledger.elastic_work_j;
   if (ledger.reference_j == 0 && state->step == 0) ledger.numerical_j = 0;
   ledger.elastic_j = elastic_j;

@@ -115,7 +115,8 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
 }
 
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, double dt_s,
-                         Parallel* parallel, StepReport* report) {
+                         Parallel* parallel, StepReport* report,
+                         std::span<const double> multipliers) {
   parallel->VectorFor(static_cast<int>(parts_.size()), part_grain_, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);
@@ -130,6 +131,7 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
   if (rows_ > 0) {
     CollectRows(state);
     std::fill(multiplier_.begin(), multiplier_.end(), 0);
+    if (!multipliers.empty()) AddMultipliers(multipliers);
   }
   ties_.Collect(state, groups_, per_kg_, dt_s);
   if (!ties_.empty()) StartTies(state);

@@ -39,9 +39,10 @@ class SubspaceSolver {
   void FormGroups(const State& state, std::span<const Twist> tool_twist);
   // What tools do in the coming sub-step, for contacts that slide on them; spans must stay.
   void SetTools(const ContactRows::Tools& tools) { tools_ = tools; }
-  // Tries a sub-step of `dt_s` under `force_n` [#particles].
+  // Tries a sub-step of `dt_s` under `force_n` [#particles]. `multipliers` [#rows], N s: where
+  // those of the constraints begin; empty: at zero.
   void Try(const State& state, std::span<const Vec3> force_n, double dt_s, Parallel* parallel,
-           StepReport* report);
+           StepReport* report, std::span<const double> multipliers = {});
   // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
   // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }

@@ -3,19 +3,23 @@
 #include <absl/strings/str_cat.h>
 #include <absl/strings/str_format.h>
 
+#include <algorithm>
 #include <chrono>
+#include <memory>
 #include <utility>
 
 #include "core/engine/engine.h"
+#include "core/study/timing.h"
 
 namespace adhesim {
 namespace {
 
 constexpr double kHighestRateHz = 20000;  // scene.proto's
-// Of the time that is left: for the first reference, the second, and the finer mesh.
-constexpr double kFirstPart = 0.35, kSecondPart = 0.3, kMeshPart = 0.3;
-constexpr double kNewtonWork = 2;  // of short steps, over a linear one
-constexpr double kMeshWork = 8;    // twice as fine in three directions
+// Of the time that is left: for the first reference, the second, and the finer mesh. The rest is
+// for the settings. A reference there must be.
+constexpr double kFirstPart = 0.25, kSecondPart = 0.2, kMeshPart = 0.2, kMustPart = 0.6;
+constexpr double kMeshWork = 8;  // twice as fine in three directions
+constexpr int kEarlySteps = 8;   // of the scene's own, by which costs are foretold
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
@@ -25,6 +29,7 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
 // One run that others may be judged by.
 struct Candidate {
   AccuracyReference about;
+  double ratio = 1;  // of its rate and the scene's
   AccuracyTrace trace;
   bool done() const { return !trace.left_out && trace.failed.empty() && !trace.time_s.empty(); }
 };
@@ -35,42 +40,44 @@ class Maker {
       : request_(request), implicit_(IsImplicit(request.model)) {}
 
   AccuracyReferences Make() {
-    if (WhyNotRungeKutta(request_.model).empty()) {
+    if (const std::string why = WhyNotRungeKutta(request_.model); why.empty()) {
       MakeFirst(RungeKutta());
-      MakeSecond(Fine(Ratio(kSecondPart, implicit_ ? kNewtonWork : 1), kSecondPart));
+      MakeSecond(Fine(Ratios(), kSecondPart));
       made_.share = "the effects' forces and the mesh; no stepping code";
     } else if (implicit_) {
-      const double ratio = Ratio(kSecondPart, kNewtonWork);
-      MakeFirst(Explicit(ratio));
-      MakeSecond(Fine(ratio, kSecondPart));
+      MakeFirst(Explicit());
+      MakeSecond(Fine(Ratios(), kSecondPart));
       made_.share =
           "contact, zones, tools and the effects' forces; how velocities follow from forces is "
           "apart";
+      if (!made_.second) MakeHalf("there was no time for the explicit path");
     } else {
-      const double ratio = Ratio(kFirstPart, 1);
-      MakeFirst(Fine(ratio, kFirstPart));
-      if (ratio > 1) MakeSecond(Fine(0.5 * ratio, kSecondPart));
-      made_.share = absl::StrCat(
-          "all code: no second integrator can step this scene (", WhyNotRungeKutta(request_.model),
-          "), so that their difference shows the step's error and chaos, not a mistake of both");
+      MakeFirst(Fine(Ratios(), kFirstPart));
+      MakeHalf(absl::StrCat("no second integrator can step this scene (", why, ")"));
     }
     MakeFinerMesh();
     return std::move(made_);
   }
 
  private:
-  // The largest multiple of the scene's rate that is permitted and that there is time for.
-  double Ratio(double part, double work) const {
-    const double rate_hz = 1 / request_.model.dt_s;
+  // Multiples of the scene's rate, the finest first.
+  std::vector<double> Ratios() const {
+    std::vector<double> ratios;
     for (const double ratio :
-         request_.quick ? std::vector<double>{8, 4} : std::vector<double>{16, 8, 4}) {
-      if (ratio * rate_hz > kHighestRateHz) continue;
-      if (request_.run_s * ratio * work <= part * request_.left_s) return ratio;
+         request_.quick ? std::vector<double>{8, 4} : std::vector<double>{16, 8, 4, 2}) {
+      if (ratio <= kHighestRateHz * request_.model.dt_s) ratios.push_back(ratio);
     }
-    for (const double ratio : {4.0, 2.0}) {
-      if (ratio * rate_hz <= kHighestRateHz) return ratio;
-    }
-    return 1;
+    if (ratios.empty()) ratios.push_back(1);
+    return ratios;
+  }
+
+  // The second reference by the code of the first, at half its rate.
+  void MakeHalf(const std::string& why) {
+    if (first_ratio_ <= 1) return;
+    MakeSecond(Fine({0.5 * first_ratio_}, kSecondPart));
+    made_.share = absl::StrCat("all code: ", why,
+                               ", so that their difference shows the step's error and chaos, not "
+                               "a mistake of both");
   }
 
   TraceOptions Within(double part) const {
@@ -91,25 +98,57 @@ class Maker {
     return made;
   }
 
-  // The engine with edits.
-  Candidate Run(const std::string& name, const std::vector<SceneEdit>& edits, double part) const {
+  absl::StatusOr<std::unique_ptr<Engine>> EngineWith(const std::vector<SceneEdit>& edits) const {
+    const auto model = EditedModel(request_.scene, request_.directory, edits);
+    if (!model.ok()) return model.status();
+    return Engine::Create(*model, {.threads = request_.threads});
+  }
+
+  // CPU time of the first steps of an engine, which RunTrace() makes anew: however busy the machine
+  // is, and however short they are.
+  double EarlyMs(Engine* engine) const {
+    const double until_s = kEarlySteps * request_.model.dt_s;
+    engine->Step({});  // what is made once
+    const double start_ms = ThreadCpuMs();
+    while (engine->state().time_s < until_s && !engine->frozen()) engine->Step({});
+    return ThreadCpuMs() - start_ms;
+  }
+
+  // What a run takes, from what the scene's own took and how the first steps compare.
+  double Foretold(Engine* engine) {
+    if (own_early_ms_ == 0) {
+      const auto own = EngineWith({});
+      own_early_ms_ = own.ok() ? EarlyMs(own->get()) : 0;
+    }
+    return own_early_ms_ > 0 ? request_.run_s * EarlyMs(engine) / own_early_ms_ : request_.run_s;
+  }
+
+  // The engine with edits at the first of the rates that there is time for. One there must be of
+  // the first reference, if it has no other: the last rate is run then whatever it takes.
+  Candidate Run(const std::string& name, const std::vector<SceneEdit>& edits,
+                const std::vector<double>& ratios, double part, bool must) {
     Say(absl::StrCat("reference: ", name));
     Candidate made;
-    const auto model = EditedModel(request_.scene, request_.directory, edits);
-    if (!model.ok()) {
-      made.trace.failed = std::string(model.status().message());
-      made.about.name = name;
+    made.about.name = name;
+    made.trace.left_out = true;
+    for (const double ratio : ratios) {
+      std::vector<SceneEdit> all = edits;
+      all.push_back({"rate_hz", absl::StrFormat("%.10g", ratio / request_.model.dt_s)});
+      const auto engine = EngineWith(all);
+      if (!engine.ok()) {
+        made.trace.left_out = false;
+        made.trace.failed = std::string(engine.status().message());
+        return made;
+      }
+      const bool last = must && ratio == ratios.back();
+      if (!last && Foretold(engine->get()) > part * request_.left_s) continue;
+      const auto start = std::chrono::steady_clock::now();
+      made.ratio = ratio;
+      made.trace =
+          RunTrace(engine->get(), request_.probes, Within(must ? kMustPart : part), nullptr);
+      Finish(name, start, &made);
       return made;
     }
-    const auto engine = Engine::Create(*model, {.threads = request_.threads});
-    if (!engine.ok()) {
-      made.trace.failed = std::string(engine.status().message());
-      made.about.name = name;
-      return made;
-    }
-    const auto start = std::chrono::steady_clock::now();
-    made.trace = RunTrace(engine->get(), request_.probes, Within(part), nullptr);
-    Finish(name, start, &made);
     return made;
   }
 
@@ -124,8 +163,8 @@ class Maker {
   }
 
   // The scene's own kind of step, much finer; implicit ones by Newton's method, solved to the end.
-  Candidate Fine(double ratio, double part) const {
-    std::vector<SceneEdit> edits = {RateEdit(ratio)};
+  Candidate Fine(const std::vector<double>& ratios, double part) {
+    std::vector<SceneEdit> edits;
     if (implicit_) {
       edits.push_back({"integration.integrator", "newton"});
       edits.push_back({"integration.tolerance", "1e-6"});
@@ -134,20 +173,16 @@ class Maker {
       edits.push_back({"integration.stability_fraction", "0.25"});
       edits.push_back({"integration.max_substeps", "500"});
     }
-    return Run(implicit_ ? "newton" : "explicit", edits, part);
+    return Run(implicit_ ? "newton" : "explicit", edits, ratios, part, made_.trace.time_s.empty());
   }
 
-  Candidate Explicit(double ratio) const {
+  // Its sub-steps are as long as they may be, whatever the rate.
+  Candidate Explicit() {
     return Run("explicit",
-               {RateEdit(ratio),
-                {"integration.integrator", "explicit"},
+               {{"integration.integrator", "explicit"},
                 {"integration.stability_fraction", "0.8"},
                 {"integration.max_substeps", "500"}},
-               kFirstPart);
-  }
-
-  SceneEdit RateEdit(double ratio) const {
-    return {"rate_hz", absl::StrFormat("%.10g", ratio / request_.model.dt_s)};
+               Ratios(), kFirstPart, false);
   }
 
   // A candidate that came to no end is named, and the other one takes its place.
@@ -161,6 +196,7 @@ class Maker {
   void MakeFirst(Candidate made) {
     if (!Accept(made)) return;
     made_.reference = made.about;
+    first_ratio_ = made.ratio;
     made_.trace = std::move(made.trace);
   }
   void MakeSecond(Candidate made) {
@@ -174,11 +210,12 @@ class Maker {
     const std::vector<SceneEdit> edits = FinerMesh(request_.model.scene);
     if (edits.empty() || made_.trace.time_s.empty() || request_.quick) return;
     const std::string name = "a mesh twice as fine";
+    // Not even built where that alone is beyond it.
     if (request_.run_s * kMeshWork > kMeshPart * request_.left_s) {
       made_.left_out.push_back("reference on " + name + ": no time for it");
       return;
     }
-    Candidate made = Run(name, edits, kMeshPart);
+    Candidate made = Run(name, edits, {1}, kMeshPart, false);
     if (!Accept(made)) return;
     made_.finer_mesh = made.about;
     made_.finer_trace = std::move(made.trace);
@@ -190,6 +227,8 @@ class Maker {
 
   const ReferenceRequest& request_;
   bool implicit_;
+  double own_early_ms_ = 0;  // of the scene as it is
+  double first_ratio_ = 1;   // Candidate::ratio
   AccuracyReferences made_;
 };
 

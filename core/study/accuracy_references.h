@@ -40,7 +40,8 @@ struct AccuracyReferences {
 // The reference is the same problem at much finer steps; the second reference, by another
 // integrator:
 //   no contact, tools, constraints: Runge and Kutta's method, and the scene's own integrator;
-//   implicit tissue:                the engine's explicit path, and its Newton path;
+//   implicit tissue:                the engine's explicit path, and its Newton path; where there is
+//                                   no time for the explicit one, Newton's at two steps;
 //   explicit surfaces with contact: the explicit path at two steps (there is no other).
 // Of two, the one of shorter steps is the reference.
 AccuracyReferences MakeAccuracyReferences(const ReferenceRequest& request);

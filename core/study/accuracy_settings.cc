@@ -105,6 +105,8 @@ std::vector<double> RateRatios(bool quick) {
   return {0.5, 0.25, 2, 0.125, 4};
 }
 
+bool IsPermitted(double rate_hz) { return rate_hz >= 1 && rate_hz <= kHighestRateHz; }
+
 class Dials {
  public:
   Dials(const v1::Scene& scene, const Model& model, const DialOptions& options)
@@ -133,8 +135,7 @@ class Dials {
   AccuracyDial Rate() const {
     AccuracyDial dial{"rate", "", {own_}};
     for (const double ratio : RateRatios(quick_)) {
-      const double rate_hz = ratio * scene_.rate_hz();
-      if (rate_hz >= 1 && rate_hz <= kHighestRateHz) dial.settings.push_back(AtRate(ratio));
+      if (IsPermitted(ratio * scene_.rate_hz())) dial.settings.push_back(AtRate(ratio));
     }
     return dial;
   }
@@ -305,13 +306,17 @@ std::vector<AccuracyDial> DialsOf(const v1::Scene& scene, const Model& model,
   return Dials(scene, model, options).All();
 }
 
-double CoarsestRateHz(const Model& model, const DialOptions& options) {
-  double coarsest_hz = 1 / model.dt_s;
+std::vector<double> TriedRatesHz(const Model& model, const DialOptions& options) {
+  std::vector<double> rates_hz = {1 / model.dt_s};
   for (const double ratio : RateRatios(options.quick)) {
-    const double rate_hz = ratio / model.dt_s;
-    if (rate_hz >= 1) coarsest_hz = std::min(coarsest_hz, rate_hz);
+    if (IsPermitted(ratio / model.dt_s)) rates_hz.push_back(ratio / model.dt_s);
   }
-  return coarsest_hz;
+  return rates_hz;
+}
+
+double CoarsestRateHz(const Model& model, const DialOptions& options) {
+  const std::vector<double> rates_hz = TriedRatesHz(model, options);
+  return *std::min_element(rates_hz.begin(), rates_hz.end());
 }
 
 std::vector<SceneEdit> FinerMesh(const v1::Scene& scene) { return RefineAll(scene, 2); }

@@ -13,9 +13,10 @@
 namespace adhesim {
 
 // What turning a dial changes: how well the scene's equations are solved, the mesh that they are
-// solved on, or the equations themselves. Only the first is error in time; the second is measured
-// against a finer mesh; the third is no error at all, but a difference.
-enum class DialKind { kNumerical, kMesh, kModel };
+// solved on, the equations themselves, or the engine. Only the first is error in time; the second
+// is measured against a finer mesh; the third is no error at all, but a difference; the fourth
+// solves the scene's equations on its mesh too, by other code, and is measured like the first.
+enum class DialKind { kNumerical, kMesh, kModel, kRival };
 
 // A field of the scene and its new value, as `--set` takes them.
 struct SceneEdit {
@@ -31,7 +32,13 @@ struct AccuracySetting {
   double rate_hz = 0;
   double work = 1;               // a guess of its cost over that of the scene as it is
   std::vector<SceneEdit> edits;  // of the scene as it is; none: that
+  int substeps = 1;              // that a rival makes of a step
 };
+
+// Whether its error is one in time, and falls with the step.
+inline bool IsJudgedByReference(const AccuracySetting& setting) {
+  return setting.kind == DialKind::kNumerical || setting.kind == DialKind::kRival;
+}
 
 // What a scene lets choose, and the choices that are tried.
 struct AccuracyDial {
@@ -48,6 +55,10 @@ struct DialOptions {
 // of the first dial is the scene as it is.
 std::vector<AccuracyDial> DialsOf(const v1::Scene& scene, const Model& model,
                                   const DialOptions& options);
+
+// The rates that are tried, multiples of the scene's own [Hz], in the order of their interest; the
+// own one first.
+std::vector<double> TriedRatesHz(const Model& model, const DialOptions& options);
 
 // Rates are multiples of this, so that every run passes the same instants.
 double CoarsestRateHz(const Model& model, const DialOptions& options);

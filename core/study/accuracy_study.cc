@@ -52,7 +52,8 @@ CostFigures FiguresOf(const AccuracyCost& cost, double duration_s) {
 
 // A point's engine and what its runs left.
 struct Subject {
-  std::unique_ptr<Engine> engine;
+  bool tried = false;
+  std::unique_ptr<Engine> engine;  // of ours
   AccuracyTrace trace;
   AccuracyCost cost;
 };
@@ -121,6 +122,11 @@ class Study {
 
   void ListPoints() {
     study_.dials = DialsOf(model_->scene, *model_, {options_.quick});
+    if (options_.rival) {
+      rival_ = options_.rival(model_, {options_.quick});
+      study_.dials.push_back(rival_.dial);
+      study_.rival_about = rival_.about;
+    }
     for (const AccuracyDial& dial : study_.dials) {
       for (const AccuracySetting& setting : dial.settings) {
         AccuracyPoint& point = study_.points.emplace_back();
@@ -148,7 +154,7 @@ class Study {
   void Measure(std::size_t i) {
     AccuracyPoint& point = study_.points[i];
     Subject& subject = subjects_[i];
-    const bool first = subject.engine == nullptr;
+    const bool first = !subject.tried;
     if (Stopped() || !point.failed.empty() || point.not_run) return;
     const double guess_s = i == 0 ? 0 : run_s_ * point.setting.work;
     if (ElapsedS() + guess_s > options_.budget_s) {
@@ -156,9 +162,12 @@ class Study {
       return;
     }
     if (options_.progress) options_.progress(point.setting.name);
-    if (first && !Create(&point, &subject)) return;
+    subject.tried = true;
+    const bool ours = point.setting.kind != DialKind::kRival;
+    if (ours && first && !Create(&point, &subject)) return;
     const double before_s = ElapsedS();
-    AccuracyTrace trace = RunTrace(subject.engine.get(), *probes_, trace_, &subject.cost);
+    AccuracyTrace trace = ours ? RunTrace(subject.engine.get(), *probes_, trace_, &subject.cost)
+                               : rival_.run(point.setting, *probes_, trace_, &subject.cost);
     if (i == 0 && first) run_s_ = ElapsedS() - before_s;
     if (!first) return;
     point.failed = trace.failed;
@@ -252,7 +261,7 @@ class Study {
     for (const std::string& method : methods) {
       std::vector<double> dt_s, error_m;
       for (const AccuracyPoint& point : study_.points) {
-        if (point.setting.kind != DialKind::kNumerical || point.setting.method != method) continue;
+        if (!IsJudgedByReference(point.setting) || point.setting.method != method) continue;
         // Below the band the reference's own error is seen.
         if (!point.error || point.error->position_m.l2 <= band_m) continue;
         dt_s.push_back(1 / point.setting.rate_hz);
@@ -261,6 +270,12 @@ class Study {
       const std::optional<FittedOrder> fit = FitOrder(dt_s, error_m);
       if (fit) study_.orders.push_back({method, *fit, static_cast<int>(dt_s.size())});
     }
+  }
+
+  // A reference for which there was little time may be one of the settings, and have no error.
+  bool IsTheReference(const AccuracyPoint& point) const {
+    return point.error->position_m.linf == 0 && study_.motion_m > 0 &&
+           std::abs(point.setting.rate_hz / study_.reference.rate_hz - 1) < 1e-9;
   }
 
   void Recommend() {
@@ -275,7 +290,8 @@ class Study {
     std::vector<AdviceCandidate> candidates;
     for (const AccuracyPoint& point : study_.points) {
       AdviceCandidate& one = candidates.emplace_back();
-      one.usable = point.setting.kind == DialKind::kNumerical && point.error.has_value();
+      one.usable = point.setting.kind == DialKind::kNumerical && point.error.has_value() &&
+                   !IsTheReference(point);
       if (!one.usable) continue;
       one.rate_hz = point.setting.rate_hz;
       one.error_m = point.error->position_m.l2;
@@ -295,6 +311,7 @@ class Study {
   std::optional<AccuracyProbes> probes_;
   TraceOptions trace_;
   double run_s_ = 0;  // wall time of a run of the scene as it is
+  AccuracyRival rival_;
   AccuracyReferences references_;
   std::vector<Subject> subjects_;  // [#points]
   AccuracyStudy study_;

@@ -3,6 +3,7 @@
 #include <absl/status/statusor.h>
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,8 +12,19 @@
 #include "core/study/accuracy_error.h"
 #include "core/study/accuracy_formula.h"
 #include "core/study/accuracy_settings.h"
+#include "core/study/accuracy_trace.h"
 
 namespace adhesim {
+
+// Another engine that solves the scene's equations on its mesh, to be judged by the same reference.
+struct AccuracyRival {
+  AccuracyDial dial;  // its name and settings (of kRival), or why it cannot
+  std::string about;  // what is the same in all of them: version, precision, solver
+  // As RunTrace(), and repeatable.
+  std::function<AccuracyTrace(const AccuracySetting& setting, const AccuracyProbes& probes,
+                              const TraceOptions& options, AccuracyCost* cost)>
+      run;
+};
 
 struct AccuracyOptions {
   double seconds = 0;  // simulated; 0: until the last trajectory ends, or 4 s
@@ -22,7 +34,10 @@ struct AccuracyOptions {
   double budget_s = 300;  // wall time of the whole study; what does not fit is left out, and named
   // Absent: 1 % of the motion, 2 % of the peak force, the scene's rate.
   std::optional<double> tolerance_m, tolerance_n, rate_hz;
-  double step_share = 0.5;                                     // of a step's time for stepping
+  double step_share = 0.5;  // of a step's time for stepping
+  // Of the scene's model; null: there is none.
+  std::function<AccuracyRival(std::shared_ptr<const Model> model, const DialOptions& dials)> rival =
+      nullptr;
   std::function<bool()> stop = nullptr;                        // the user has had enough
   std::function<void(const std::string&)> progress = nullptr;  // what is run now
 };
@@ -53,8 +68,8 @@ struct AccuracyPoint {
   std::uint32_t bits = 0;  // StepBit of any step
   int substeps = 0;
   CostFigures cost;
-  // Numerical settings against the reference; meshes against the finer mesh; laws and zones against
-  // the scene as it is. Absent where there is none.
+  // Numerical settings and rivals against the reference; meshes against the finer mesh; laws and
+  // zones against the scene as it is. Absent where there is none.
   std::optional<AccuracyError> error;
   std::optional<double> deflection_m;  // of a beam's end, at the end
 };
@@ -82,7 +97,8 @@ struct AccuracyStudy {
   double reference_deflection_m = 0;  // with it
   std::optional<AccuracyReference> finer_mesh;
   std::optional<AccuracyError> own_mesh;  // the scene's own against the finer
-  std::vector<AccuracyDial> dials;        // with their settings, tried or not
+  std::vector<AccuracyDial> dials;        // with their settings, tried or not; a rival's last
+  std::string rival_about;                // as AccuracyRival::about; empty: there is none
   std::vector<AccuracyPoint> points;      // the first is the scene as it is
   std::vector<AccuracyOrder> orders;
   AdviceLimits limits;

@@ -65,20 +65,6 @@ class EventWatch {
   std::vector<std::string> name_;
 };
 
-// Wall and CPU time of each step of a run.
-struct StepTimes {
-  double wall_s = 0, cpu_s = 0;
-  std::vector<double> wall_ms;
-};
-
-void AddTo(const StepTimes& times, AccuracyCost* cost) {
-  cost->run_wall_s.push_back(times.wall_s);
-  cost->run_cpu_s.push_back(times.cpu_s);
-  std::vector<double>& least = cost->step_wall_ms;
-  if (least.empty()) least = times.wall_ms;
-  for (std::size_t k = 0; k < least.size(); ++k) least[k] = std::min(least[k], times.wall_ms[k]);
-}
-
 class TraceRun {
  public:
   TraceRun(Engine* engine, const AccuracyProbes& probes, const TraceOptions& options)
@@ -90,7 +76,6 @@ class TraceRun {
     const Model& model = engine_.model();
     trace_.rate_hz = 1 / model.dt_s;
     trace_.substeps = engine_.substeps();
-    lost_m_ = kLost * Extent(model.rest_position_m);
   }
 
   AccuracyTrace Run(AccuracyCost* cost) {
@@ -120,14 +105,7 @@ class TraceRun {
 
  private:
   void Step() {
-    const double cpu_ms = ThreadCpuMs();
-    const auto start = std::chrono::steady_clock::now();
-    const StepReport report = engine_.Step({});
-    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-    times_.cpu_s += 1e-3 * (ThreadCpuMs() - cpu_ms);
-    times_.wall_s += wall.count();
-    times_.wall_ms.push_back(1e3 * wall.count());
-    trace_.bits |= report.bits;
+    TimeStep([this] { trace_.bits |= engine_.Step({}).bits; }, &times_);
     const State& state = engine_.state();
     watch_.Look(state);
     for (std::size_t t = 0; t < impulse_n_s_.size(); ++t) {
@@ -144,11 +122,7 @@ class TraceRun {
     for (Vec3& sum : impulse_n_s_) sum.setZero();
     trace_.colliding_share.push_back(static_cast<double>(state.contacts.colliding_particles) /
                                      engine_.model().particle_count());
-    for (std::size_t p = 0; p < places_.rest_m.size(); ++p) {
-      if ((trace_.position_m.back()[p] - places_.rest_m[p]).norm() <= lost_m_) continue;
-      trace_.failed = absl::StrFormat("diverged: a surface point was lost before %.4g s", time_s);
-      return;
-    }
+    trace_.failed = WhatIsLost(engine_.model(), places_, trace_);
   }
 
   Engine& engine_;
@@ -156,7 +130,6 @@ class TraceRun {
   AccuracyProbes::Places places_;
   EventWatch watch_;
   std::vector<Vec3> impulse_n_s_;  // [#tools] since the last instant
-  double lost_m_ = 0;
   StepTimes times_;
   AccuracyTrace trace_;
 };
@@ -215,6 +188,34 @@ std::vector<Vec3> ProbePositions(const AccuracyProbes::Places& places, const Mod
     }
   }
   return at;
+}
+
+void TimeStep(const std::function<void()>& step, StepTimes* times) {
+  const double cpu_ms = ThreadCpuMs();
+  const auto start = std::chrono::steady_clock::now();
+  step();
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  times->cpu_s += 1e-3 * (ThreadCpuMs() - cpu_ms);
+  times->wall_s += wall.count();
+  times->wall_ms.push_back(1e3 * wall.count());
+}
+
+void AddTo(const StepTimes& times, AccuracyCost* cost) {
+  cost->run_wall_s.push_back(times.wall_s);
+  cost->run_cpu_s.push_back(times.cpu_s);
+  std::vector<double>& least = cost->step_wall_ms;
+  if (least.empty()) least = times.wall_ms;
+  for (std::size_t k = 0; k < least.size(); ++k) least[k] = std::min(least[k], times.wall_ms[k]);
+}
+
+std::string WhatIsLost(const Model& model, const AccuracyProbes::Places& places,
+                       const AccuracyTrace& trace) {
+  const double lost_m = kLost * Extent(model.rest_position_m);
+  for (std::size_t p = 0; p < places.rest_m.size(); ++p) {
+    if ((trace.position_m.back()[p] - places.rest_m[p]).norm() <= lost_m) continue;
+    return absl::StrFormat("diverged: a surface point was lost before %.4g s", trace.time_s.back());
+  }
+  return "";
 }
 
 void AddInstant(const Model& model, const AccuracyProbes::Places& places, double time_s,

@@ -68,6 +68,15 @@ struct AccuracyCost {
   std::vector<double> step_wall_ms;  // [#steps] least of all repeats: the same work each time
 };
 
+// What steps of one run took, in their order.
+struct StepTimes {
+  double wall_s = 0, cpu_s = 0;
+  std::vector<double> wall_ms;
+};
+void AddTo(const StepTimes& times, AccuracyCost* cost);
+// Makes a step and adds its time.
+void TimeStep(const std::function<void()>& step, StepTimes* times);
+
 struct TraceOptions {
   // Ascending; the last ends the run. All are multiples of a step that every run's divides.
   std::vector<double> instants_s;
@@ -89,6 +98,11 @@ AccuracyTrace RunTrace(Engine* engine, const AccuracyProbes& probes, const Trace
 std::string WhyNotRungeKutta(const Model& model);
 AccuracyTrace RunRungeKutta(const Model& model, const AccuracyProbes& probes,
                             const TraceOptions& options);
+
+// Whether a surface point is further from its start than anything can be that is still a solution,
+// or no number: what is said of that.
+std::string WhatIsLost(const Model& model, const AccuracyProbes::Places& places,
+                       const AccuracyTrace& trace);
 
 // Adds the instant to a trace: probes, radius and deflection.
 void AddInstant(const Model& model, const AccuracyProbes::Places& places, double time_s,

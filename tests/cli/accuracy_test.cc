@@ -54,18 +54,22 @@ TEST_F(AccuracyCommand, WritesNumbersAndAPageThatStandsAlone) {
   EXPECT_GT(first["cost"]["wall_s_per_s"]["min"], 0);
   EXPECT_GT(first["error"]["position_m"]["l2"], 0);
   EXPECT_GE(first["error"]["position_m"]["linf"], first["error"]["position_m"]["l2"]);
-  int failed = 0;
+  int failed = 0, rivals = 0;
   for (const Json& point : report["points"]) {
-    if (!point["failed"]) continue;
+    rivals += point["kind"] == "rival" && point.contains("error");
+    if (!point["failed"] || point["kind"] == "rival") continue;
     ++failed;
     EXPECT_THAT(point["reason"].get<std::string>(), HasSubstr("sub-steps"));
   }
   EXPECT_EQ(failed, 1);
+  EXPECT_GE(rivals, 3);
+  EXPECT_THAT(report["rival"].get<std::string>(), HasSubstr("Bullet"));
 
   const std::string page = Read("page.html");
   EXPECT_THAT(page, HasSubstr("<svg"));
   EXPECT_THAT(page, HasSubstr("class=\"fails\">failed"));
   EXPECT_THAT(page, HasSubstr("Recommendation"));
+  EXPECT_THAT(page, HasSubstr("Another engine on the same mesh"));
   EXPECT_THAT(page, HasSubstr("difference of the two references"));
   for (const char* outside : {"http:", "https:", "<script", "<link", "@import", "src="}) {
     EXPECT_THAT(page, Not(HasSubstr(outside)));

@@ -27,10 +27,27 @@ TEST_F(StressCommand, WritesNumbersAndAPageThatStandsAlone) {
   ASSERT_EQ(report["cells"].size(), 2u);
   EXPECT_EQ(report["cells"][0]["case"], "inverted");
   EXPECT_GT(report["cells"][0]["figures"]["steps"], 0);
+  // Bullet has the one and not the other, and neither counts among ours.
+  EXPECT_EQ(report["bullet"]["counts"]["Bullet"]["survived"], 1);
+  EXPECT_EQ(report["bullet"]["counts"]["Bullet"]["not expressible"], 1);
+  EXPECT_GT(report["bullet"]["cells"][0]["figures"]["steps"], 0);
   const std::string page = Read("page.html");
   EXPECT_THAT(page, HasSubstr("inverted"));
+  EXPECT_THAT(page, HasSubstr("Beside Bullet"));
   EXPECT_EQ(page.find("src=\"http"), std::string::npos);
   EXPECT_EQ(page.find("href=\"http"), std::string::npos);
+}
+
+TEST_F(StressCommand, TakesOverTheCellsOfBothWhenItGoesOn) {
+  const std::string all = "flat_tet --all --json " + File("all.json") + scenes_;
+  ASSERT_EQ(Run(all), 0) << Read("err");
+  const std::string first = Read("all.json");
+  ASSERT_EQ(Json::parse(first)["bullet"]["cells"].size(), 2u);
+  ASSERT_EQ(Run(all), 0) << Read("err");
+  EXPECT_THAT(Read("err"), HasSubstr("1 cells taken over"));
+  const Json second = Json::parse(Read("all.json"));
+  EXPECT_EQ(second["bullet"]["cells"], Json::parse(first)["bullet"]["cells"]);
+  EXPECT_EQ(second["cells"].size(), 1u);
 }
 
 // A case that is known to fail is red all the same.

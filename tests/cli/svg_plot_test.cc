@@ -76,6 +76,28 @@ TEST(SvgPlot, DrawsEveryPointInsideItsFrame) {
   }
 }
 
+TEST(SvgPlot, DrawsAPictureThatStandsAloneAndTellsOneKindOfPointsFromAnother) {
+  Plot plot = Line({1, 2}, {1, 2});
+  plot.title = "ours & theirs";
+  plot.series[0].markers = true;
+  plot.series.push_back(plot.series[0]);
+  plot.series[1].name = "theirs";
+  plot.series[1].diamonds = true;
+  const absl::StatusOr<std::string> picture = DrawPicture(plot);
+  ASSERT_TRUE(picture.ok()) << picture.status();
+  EXPECT_THAT(*picture, ::testing::StartsWith("<svg xmlns="));
+  for (const char* part : {"<style>", "--card:", "prefers-color-scheme: dark", "class=\"ground\"",
+                           ">ours &amp; theirs</text>"}) {
+    EXPECT_THAT(*picture, HasSubstr(part));
+  }
+  // Two points each, and one in the legend.
+  EXPECT_EQ(Count(*picture, "<circle class=\"dot s0\""), 3);
+  EXPECT_EQ(Count(*picture, "<path class=\"dot s1\""), 3);
+  plot.x.scale = PlotScale::kLog;
+  plot.series[0].x[0] = -1;
+  EXPECT_FALSE(DrawPicture(plot).ok());
+}
+
 TEST(SvgPlot, EscapesEveryName) {
   Plot plot = Line({0, 1}, {0, 1});
   plot.title = plot.x.label = plot.y.label = "<b> & \"c\"";

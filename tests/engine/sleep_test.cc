@@ -305,9 +305,6 @@ TEST(Sleeping, IsRefusedWhereBodiesAtRestAreActedOn) {
   EXPECT_NE(refusal(Balls("  - drying: {gain: 0.5, time_constant_s: 1}\n") + kSleep).find("gain"),
             std::string::npos);
   EXPECT_NE(refusal(RubbingCells() + kSleep).find("sleep: "), std::string::npos);
-  EXPECT_NE(
-      refusal(Balls(kSleep) + "integration: {integrator: INTEGRATOR_IMPLICIT}\n").find("implicit"),
-      std::string::npos);
 }
 
 }  // namespace

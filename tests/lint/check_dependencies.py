@@ -62,9 +62,9 @@ def complaint(path, include):
     in_web = (path.startswith("server/web/") and path.endswith(".cc")) or BEAST_HEADER.match(path)
     if (BOOST.match(include) or BEAST_HEADER.match(include)) and not in_web and not path.startswith("tests/"):
         return "Boost is included by server/web/*.cc and server/web/beast_*.h only"
-    is_tool_source = path.startswith("core/tools/") and path.endswith(".cc")
-    if BULLET.match(include) and not is_tool_source and not path.startswith("tests/"):
-        return "Bullet is included by core/tools/*.cc only"
+    may_use_bullet = path.endswith(".cc") and path.startswith(("core/tools/", "clients/cli/bullet_"))
+    if BULLET.match(include) and not may_use_bullet and not path.startswith("tests/"):
+        return "Bullet is included by core/tools/*.cc and clients/cli/bullet_*.cc only"
     permitted = ALLOWED[own]
     if permitted is None:
         return None
@@ -105,6 +105,7 @@ def self_test():
         ("core/solve/a.cc", "btBulletCollisionCommon.h"),
         ("core/tools/tool_set.h", "bullet/LinearMath/btVector3.h"),
         ("clients/cli/a.cc", "BulletCollision/CollisionShapes/btBoxShape.h"),
+        ("clients/cli/bullet_tissue.h", "BulletSoftBody/btSoftBody.h"),
         ("server/session.cc", "core/contact/b.h"),
         ("server/recording/a.cc", "grpcpp/grpcpp.h"),
         ("server/web/web_server.cc", "grpcpp/grpcpp.h"),
@@ -122,6 +123,7 @@ def self_test():
         ("core/scene/mesh/a.cc", "core/model/geometry.h"),
         ("core/scene/a.cc", "adhesim/v1/scene.pb.h"),
         ("core/tools/tool_set.cc", "BulletCollision/CollisionShapes/btBoxShape.h"),
+        ("clients/cli/bullet_tissue.cc", "BulletSoftBody/btSoftBody.h"),
         ("server/session.cc", "core/engine/engine.h"),
         ("server/service.cc", "grpcpp/grpcpp.h"),
         ("server/web/web_server.cc", "boost/asio/io_context.hpp"),

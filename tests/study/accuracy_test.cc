@@ -7,6 +7,7 @@
 #include "core/study/accuracy_advice.h"
 #include "core/study/accuracy_apply.h"
 #include "core/study/accuracy_error.h"
+#include "core/study/accuracy_references.h"
 #include "core/study/accuracy_study.h"
 #include "tests/support/engine_fixture.h"
 
@@ -108,6 +109,52 @@ TEST(AccuracyStudy, TellsWhichDialsASceneDoesNotHave) {
     offered += dial.not_offered.empty();
   }
   EXPECT_EQ(offered, 6);
+}
+
+// A tool presses a small block.
+constexpr char kPressed[] =
+    "rate_hz: 100\n"
+    "bodies:\n"
+    "  - name: pad\n"
+    "    block: {size_m: [0.04, 0.04, 0.02]}\n"
+    "    tetrahedra: {cells: 2}\n"
+    "    density_kg_m3: 1000\n"
+    "    fixed: [half_space: {point_m: [0, 0, -0.0099], normal: [0, 0, 1]}]\n"
+    "tools:\n"
+    "  - name: probe\n"
+    "    needle: {length_m: 0.1, radius_m: 0.005, tip_length_m: 0.004}\n"
+    "    position_m: [0.002, 0.001, 0.012]\n"
+    "    trajectory: [{t_s: 0.2, position_m: [0.002, 0.001, 0.006]}]\n"
+    "effects:\n"
+    "  - elasticity: {young_modulus_pa: 5000, stiffness_damping_s: 0.002}\n"
+    "  - virtual_adhesive: {capture_distance_m: 0.001}\n";
+
+// The explicit path is foretold to take too long, and not begun; Newton's path is run because a
+// reference there must be, and once more at half the rate, so that chaos is seen.
+TEST(AccuracyReferences, AreOfOneCodeWhereThereIsNoTimeForTheOther) {
+  const SceneFile file = SceneOf(kPressed);
+  const auto model = EditedModel(file.scene, file.directory, {});
+  ASSERT_TRUE(model.ok()) << model.status();
+  const AccuracyProbes probes(**model);
+  TraceOptions trace;
+  trace.instants_s = {0.1, 0.2};
+  const auto references = [&](double run_s) {
+    ReferenceRequest request{file.scene, file.directory, **model, probes, trace};
+    request.run_s = run_s;
+    request.left_s = 300;
+    return MakeAccuracyReferences(request);
+  };
+  const AccuracyReferences poor = references(1e6);
+  EXPECT_EQ(poor.reference.rate_hz, 200);
+  EXPECT_THAT(poor.reference.name, HasSubstr("newton"));
+  EXPECT_THAT(poor.left_out, ::testing::Contains(HasSubstr("explicit")));
+  // Half of it would take as long as nobody has.
+  EXPECT_FALSE(poor.second);
+  const AccuracyReferences rich = references(1e-3);
+  ASSERT_TRUE(rich.second);
+  EXPECT_THAT(rich.reference.name, HasSubstr("explicit"));
+  EXPECT_THAT(rich.second->name, HasSubstr("newton"));
+  EXPECT_EQ(rich.second->rate_hz, 1600);
 }
 
 // z = -(g / c) (t - (1 - e^{-ct}) / c) for every particle.

@@ -24,6 +24,9 @@ inline void* CountedOrThrow(std::size_t size, std::size_t alignment = alignof(st
   throw std::bad_alloc();
 }
 
+// A call of its own: free() inlined beside a library's operator new looks like a mismatch to GCC.
+[[gnu::noinline]] inline void Free(void* p) noexcept { std::free(p); }
+
 }  // namespace adhesim::test
 
 // Every form, so that what one makes the other may free (the sanitizers compare).
@@ -41,13 +44,13 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
 void* operator new[](std::size_t size, std::align_val_t alignment) {
   return adhesim::test::CountedOrThrow(size, static_cast<std::size_t>(alignment));
 }
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete[](void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, const std::nothrow_t&) noexcept { std::free(p); }
-void operator delete[](void* p, const std::nothrow_t&) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p) noexcept { adhesim::test::Free(p); }
+void operator delete[](void* p) noexcept { adhesim::test::Free(p); }
+void operator delete(void* p, std::size_t) noexcept { adhesim::test::Free(p); }
+void operator delete[](void* p, std::size_t) noexcept { adhesim::test::Free(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { adhesim::test::Free(p); }
+void operator delete[](void* p, const std::nothrow_t&) noexcept { adhesim::test::Free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { adhesim::test::Free(p); }
+void operator delete[](void* p, std::align_val_t) noexcept { adhesim::test::Free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { adhesim::test::Free(p); }
+void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { adhesim::test::Free(p); }

@@ -51,6 +51,7 @@ ElasticityEffect::ElasticityEffect(const Model& model, const v1::Elasticity& mes
     if (moves && model.fill[t] > 0) tetrahedra.push_back(t);
   }
   tet_count_ = static_cast<int>(tetrahedra.size());
+  if (tet_count_ > 0) body_ = model.body_of[model.tetrahedra[tetrahedra[0]][0]];
   lags_ = !neo_hookean_ && damping_s_ == 0 && model.integrator == Integrator::kImplicit;
   MakeBatches(model, message, tetrahedra);
   FindEdges();
@@ -165,6 +166,7 @@ void ElasticityEffect::AddBounds(std::span<double> stiffness_n_m,
 }
 
 double ElasticityEffect::AddForces(const ForceInput& in, const ForceOutput& out) const {
+  if (body_ >= 0 && in.Sleeps(body_)) return 0;
   if (neo_hookean_ && !in.trial) SpreadRecovery(in);
   const bool damped = damping_s_ > 0;
   const bool alone = in.parallel->threads() == 1;

@@ -15,6 +15,7 @@ class ElasticityEffect : public Effect {
   ElasticityEffect(const Model& model, const v1::Elasticity& message);
 
   std::string_view name() const override { return "elasticity"; }
+  bool lets_sleep() const override { return true; }
   unsigned force_kinds() const override { return kElastic | (damping_s_ > 0 ? kDamping : 0u); }
   double AddForces(const ForceInput& in, const ForceOutput& out) const override;
   void AddEnergies(std::span<double> energy_j) const override;
@@ -58,6 +59,7 @@ class ElasticityEffect : public Effect {
 
   double damping_s_;
   bool neo_hookean_;
+  std::int32_t body_ = -1;  // the first of those that it acts on: they all sleep or none
   // Stiffness keeps its rotation until a tetrahedron of the batch has turned by kLag from it.
   bool lags_ = false;
   int tet_count_ = 0;
