@@ -17,7 +17,8 @@ constexpr int kSlideSweeps = 8;            // over the sliding contacts in one t
 constexpr int kMostSlidePasses = 32;  // while they would gain energy: sweeps have not converged
 constexpr double kNearlyMet = 1e-10;  // relative volume; above it the step says so
 constexpr double kDiverged = 1e3;     // relative volume
-constexpr double kLacks = 1e-6;       // relative volume that is got back over several sub-steps
+constexpr double kLacks = 1e-6;       // relative volume that is got back over several sub-steps;
+                                      // what there is too much of is met at once
 constexpr double kRegained = 0.1;     // of it in one
 
 }  // namespace
@@ -244,7 +245,7 @@ bool SubspaceSolver::RowsLack(const State& state) {
   }
   rows_off_ = false;
   for (int r = 0; r < rows_; ++r) {
-    if (Sleeps(state, r) || !(std::abs(lacking_[r]) > kLacks * row_[r].scale)) lacking_[r] = 0;
+    if (Sleeps(state, r) || !(-lacking_[r] > kLacks * row_[r].scale)) lacking_[r] = 0;
     rows_off_ = rows_off_ || lacking_[r] != 0;
   }
   return rows_off_;
