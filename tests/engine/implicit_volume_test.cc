@@ -187,6 +187,22 @@ TEST(ImplicitVolume, IsFeltByATool) {
   EXPECT_LT(force[1], 1.15 * force[0]);
 }
 
+// The frame's local stiffness against what a small step of the tool costs: the tool is held still,
+// and then told to be a little further on.
+TEST(ImplicitVolume, IsPartOfTheLocalStiffness) {
+  double stiffness[2];
+  for (const bool kept : {false, true}) {
+    const PressedBlock pressed{.cells = 4, .tolerance = 1e-9};
+    auto engine = EngineOf(kept ? KeptBlock(pressed) : std::shared_ptr<Model>(ModelOf(pressed)));
+    for (int k = 0; k < 90; ++k) engine->Step({});
+    Frame frame = engine->MakeFrame();
+    engine->WriteFrame(&frame);
+    stiffness[kept] = std::abs(frame.tools[0].stiffness_n_m(2, 2));
+  }
+  EXPECT_GT(stiffness[1], 1.02 * stiffness[0]);
+  EXPECT_LT(stiffness[1], 1.5 * stiffness[0]);
+}
+
 TEST(ImplicitVolume, RestoredStatesGoOnWithTheSameBits) {
   auto engine = EngineOf(KeptBlock({.cells = 3}));
   for (int k = 0; k < 50; ++k) engine->Step({});

@@ -146,8 +146,8 @@ TEST(WorkOfAdhesion, OfAFlatPatchTakesTheLesserOfStrengthAndCrackTraction) {
   const double both = force(1e4, "1000") / strength_n;
   Tell("flat patch: force with twice the strength", both);
   EXPECT_NEAR(both, 2, 0.1);
-  // The sheet is four patches, since cubes meet in its middle: the traction is that over a fourth.
-  const double area_m2 = strength_n / 500, size_m = std::sqrt(area_m2 / 4);
+  // On the fixed sheet the block is one patch: the traction is that over the whole.
+  const double area_m2 = strength_n / 500, size_m = std::sqrt(area_m2);
   const double traction_pa = std::sqrt(4 * kPlaneModulus_pa * kWork_j_m2 / (M_PI * size_m));
   EXPECT_NEAR(crack_n / (traction_pa * area_m2), 1, 0.05);
 }
@@ -169,20 +169,21 @@ TEST(WorkOfAdhesion, OfASphereComesNearerToJohnsonKendallAndRobertsOnFinerMeshes
   EXPECT_LT(away, 0.75);  // measured on a_0 / 4: 0.63
 }
 
-// Patches of a cell, each of a particle or a few, are peeled off as single particles are. Measured
-// on cells of a_0 / 2 and a_0 / 4: 0.97 and 1.03 of what particles carry by themselves. A patch
-// more or less along the front, of 12 on the coarse mesh, is a twelfth.
-TEST(WorkOfAdhesion, PeelsPatchesOfACellAsItPeelsParticles) {
+// Patches of a cell peel as well. Measured on cells of a_0 / 2, a_0 / 4 and (full size) a_0 / 8:
+// 2.01, 1.21 and 0.86 of JKR: on coarse meshes below what particles carry as one zone, since
+// corners that a patch only touches are not held.
+TEST(WorkOfAdhesion, PatchesOfACellComeNearerToJohnsonKendallAndRobertsThanParticles) {
   if (kSanitized) GTEST_SKIP() << "long; shorter runs of the same are in tests/engine";
-  for (int cells = 10; cells <= TestSize(10, 20); cells *= 2) {
+  double away = 1.3;
+  for (int cells = 10; cells <= TestSize(20, 40); cells *= 2) {
     PullOff pull{cells, ""};
-    const double particles = pull.Strongest();
     pull.adhesive = ", patch_size_m: " + std::to_string(pull.h_m());
-    const double patches = pull.Strongest();
-    Tell("mode P: pull-off over JKR, cells in a_0: " + std::to_string(cells / 5),
-         patches / kPullOff_n);
-    EXPECT_NEAR(patches / particles, 1, 1.0 / 12);
+    const double over = pull.Strongest() / kPullOff_n;
+    Tell("mode P: pull-off over JKR, cells in a_0: " + std::to_string(cells / 5), over);
+    EXPECT_LT(std::abs(over - 1), away);
+    away = std::abs(over - 1);
   }
+  EXPECT_LT(away, 0.35);  // measured on a_0 / 4: 0.21
 }
 
 }  // namespace
