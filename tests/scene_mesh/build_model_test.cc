@@ -185,14 +185,15 @@ TEST(BuildModel, RefusesCellsOfNoSize) {
 }
 
 TEST(BuildModel, WarnsOfPatchesSmallerThanTheEdgesThatTheyHoldBy) {
-  const auto warnings = [](const std::string& count) {
+  const auto warnings = [](const std::string& count, const std::string& fixed = "") {
     return Build("bodies { name: 'floor' sheet { length_m: 1 width_m: 1 columns: " + count +
-                 " rows: " + count +
-                 " } mass_kg: 1 fixed { all: true } } effects { virtual_adhesive { "
+                 " rows: " + count + " } mass_kg: 1 " + fixed +
+                 " } effects { virtual_adhesive { "
                  "capture_distance_m: 0.002 normal_strength_pa: 1000 patch_size_m: 0.05 } }")
         .problems;
   };
-  EXPECT_TRUE(warnings("13").empty());  // 83 and 118 mm
+  EXPECT_TRUE(warnings("13").empty());                        // 83 and 118 mm
+  EXPECT_TRUE(warnings("3", "fixed { all: true }").empty());  // ground holds whatever its size
   const Problems problems = warnings("3");
   ASSERT_EQ(problems.size(), 1u);
   EXPECT_EQ(problems[0].path, "effects[0].virtual_adhesive.patch_size_m");
