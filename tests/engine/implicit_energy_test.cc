@@ -93,9 +93,9 @@ double RiseOfOneTurn(Integrator integrator, v1::ElasticModel law, double angle) 
   return engine->MechanicalEnergy() / start - 1;
 }
 
-// A linear step moves along tangents: a turn by a stretches by a^2 / 2, which costs E a^4 / 8 that
-// nothing pays for. Beside the kinetic energy, which goes as a^2 at a given step, that is a^2.
-// Newton's method sees the end of the step, and only loses.
+// A linear step does not see what the end of its step is like: it gains in order a^2 of the kinetic
+// energy, a the turn in a step. Measured at 0.1 rad: 0.044 %; without arcs (core/solve/arcs.h)
+// 0.078 %. Newton's method sees the end of the step, and only loses.
 TEST(ImplicitEnergy, ALinearStepGainsBySquareOfItsTurnAndNewtonsLoses) {
   for (const v1::ElasticModel law :
        {v1::ELASTIC_MODEL_COROTATIONAL, v1::ELASTIC_MODEL_NEO_HOOKEAN}) {
@@ -103,7 +103,7 @@ TEST(ImplicitEnergy, ALinearStepGainsBySquareOfItsTurnAndNewtonsLoses) {
     const double narrow = RiseOfOneTurn(Integrator::kImplicit, law, 0.05);
     RecordProperty("rise of kinetic energy at 0.1 rad a step", std::to_string(wide));
     EXPECT_GT(narrow, 0);
-    EXPECT_LT(wide, 0.002);
+    EXPECT_LT(wide, 0.0006);
     EXPECT_NEAR(std::log2(wide / narrow), 2, 0.2);
     EXPECT_LT(RiseOfOneTurn(Integrator::kNewton, law, 0.1), 0);
   }
