@@ -216,6 +216,10 @@ const StressCase kCases[] = {
      nullptr, nullptr, nullptr, nullptr, nullptr, true},
     {"torture_71", "torture", "torture_71", "a ball of 7 MPa that spins, at 200 Hz", 2, kNoRest,
      nullptr, nullptr, nullptr, nullptr, nullptr, true},
+    {"torture_220", "torture", "torture_220", "tissue that one tool drives into another", 2,
+     kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true},
+    {"torture_367", "torture", "torture_367", "a body three times as fast as the tool may be", 0.4,
+     kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true},
 };
 
 }  // namespace
