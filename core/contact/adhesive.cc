@@ -209,20 +209,19 @@ bool Adhesive::IsBonded(const NearPair& pair, const Contacts& contacts) const {
 }
 
 bool Adhesive::HeldAgainst(int tool, int particle, const Contacts& contacts) const {
-  const auto held = [&](int p) {
+  return ItOrItsCarriers(particle, [&](int p) {  // they would have to come along
     if (model_.fixed[p]) return true;
     const int z = contacts.zone_of[p];
     if (z < 0) return false;
     const Zone& zone = contacts.zones[z];
     return zone.pins > 0 || (zone.tool >= 0 && zone.tool != tool);
-  };
-  if (held(particle)) return true;
-  // What carries it would have to come along.
-  const CarriedParticle* c = carried_.Find(particle);
-  for (int k = 0; c && k < 4; ++k) {
-    if (c->weights[k] != 0 && held(c->carriers[k])) return true;
-  }
-  return false;
+  });
+}
+
+bool Adhesive::HeldBy(int tool, int particle, const Contacts& contacts) const {
+  return ItOrItsCarriers(particle, [&](int p) {
+    return contacts.zone_of[p] >= 0 && contacts.zones[contacts.zone_of[p]].tool == tool;
+  });
 }
 
 // With the members that may be: of some weight, not held against the tool, and not released from

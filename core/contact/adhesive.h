@@ -112,6 +112,8 @@ class Adhesive {
   // True when the tool cannot take the particle along: it is fixed, or in a zone that is held by
   // fixed particles or by another tool. Such a particle stops the tool instead.
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
+  // True when the tool moves the particle: it, or something that carries it, is in the tool's zone.
+  bool HeldBy(int tool, int particle, const Contacts& contacts) const;
 
   // Ties what sticks by ties and is not tied yet, where it is now. After every change of bonds.
   void Tie(std::span<const Vec3> position_m, Contacts* contacts) const;
@@ -142,6 +144,16 @@ class Adhesive {
     bool slides;
     bool pulled;  // in tension
   };
+  // Whether a particle, or something that carries it, is what is asked for.
+  template <typename Is>
+  bool ItOrItsCarriers(int particle, const Is& is) const {
+    if (is(particle)) return true;
+    const CarriedParticle* c = carried_.Find(particle);
+    for (int k = 0; c && k < 4; ++k) {
+      if (c->weights[k] != 0 && is(c->carriers[k])) return true;
+    }
+    return false;
+  }
   // What bonds are sorted by; the last is the triangle's edge of an edge's bond.
   static std::tuple<int, int, int, int, int> Key(const Bond& bond);
   static bool KeyLess(const Bond& a, const Bond& b) { return Key(a) < Key(b); }

@@ -149,6 +149,7 @@ int Adhesive::CaptureCrossingByTools(std::span<const NearTool> near, const State
       const bool may = pair.weights(k) > 0 && !HeldAgainst(pair.tool, tri[k], *contacts);
       bond.vertices[k] = may ? tri[k] : -1;
     }
+    if (!bond.Holds()) continue;  // what others hold stops the tool by itself
     const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
     if (at == contacts->bonds.end() || Key(*at) != Key(bond)) {
       captured += Insert(bond, contacts, report);

@@ -227,6 +227,7 @@ absl::Status Pipeline::CompileTools() {
   last_twist_.resize(tools);
   tool_pose_.resize(tools);
   tool_impulse_.resize(tools);
+  capture_impulse_ns_.resize(tools);
   coupling_impulse_.resize(tools);
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);

@@ -87,6 +87,11 @@ class Engine {
   // Kinetic plus elastic energy now, J. May allocate.
   virtual double MechanicalEnergy() const = 0;
 
+  // How much of its own momentum a tool exchanged with what it caught in the last step, N s: the
+  // sizes of its changes at all captures, added up, whether what was caught was let go again or
+  // not.
+  virtual double CaptureImpulse(int /*tool*/) const { return 0; }
+
   // One stage of the compiled pipeline.
   struct Stage {
     std::string name;

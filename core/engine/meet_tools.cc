@@ -51,6 +51,7 @@ void Pipeline::MeetTools() {
     Vec6 twist;
     twist << tool.twist.linear_m_s, tool.twist.angular_rad_s;
     twist = (own + carried).ldlt().solve(own * twist + CarriedMomentum(t));
+    capture_impulse_ns_[t] += own(0, 0) * (twist.head<3>() - tool.twist.linear_m_s).norm();
     tool.twist = {twist.head<3>(), twist.tail<3>()};
   }
 }

@@ -99,8 +99,9 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   for (int t = 0; t < tools; ++t) {
     if (!tool_system_->holds(t)) continue;
     ToolState& tool = state_.tools[t];
-    Vec6 twist = twist_of(t);
-    if (LimitTwist(model_->tools[t].coupling, tool.pose, tool.target, with_carried(t), dt_s,
+    Vec6 before, twist = twist_of(t);
+    before << tool.twist.linear_m_s, tool.twist.angular_rad_s;
+    if (LimitTwist(model_->tools[t].coupling, tool.pose, tool.target, with_carried(t), before, dt_s,
                    &twist)) {
       tool.flags |= kToolSpeedLimited;
     }
@@ -112,26 +113,29 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   return true;
 }
 
-// The twist without the part that drives the tool into tissue which it cannot take along.
+// The twist without the part that drives the tool into tissue which it cannot take along, or what
+// it holds into another tool.
 Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
   ToolState& tool = state_.tools[t];
   for (const Adhesive::NearTool& near : near_tools_) {
-    if (near.tool != t || near.gap_m >= model_->adhesive->capture_distance_m) continue;
+    if (near.gap_m >= model_->adhesive->capture_distance_m) continue;
+    const Vec3 ahead = near.tool == t ? near.normal : Vec3(-near.normal);
     const Triangle& tri = model_->triangles[near.triangle];
     Vec3 point = Vec3::Zero();
     bool held = false;
     for (int k = 0; k < 3; ++k) {
       point += near.weights(k) * state_.position_m[tri[k]];
       held = held || (near.weights(k) > Adhesive::kMinWeight &&
-                      adhesive_->HeldAgainst(t, tri[k], state_.contacts));
+                      (near.tool == t ? adhesive_->HeldAgainst(t, tri[k], state_.contacts)
+                                      : adhesive_->HeldBy(t, tri[k], state_.contacts)));
     }
     if (!held) continue;
-    const double into = near.normal.dot(twist.linear_m_s);
+    const double into = ahead.dot(twist.linear_m_s);
     if (into > 0) {
-      twist.linear_m_s -= into * near.normal;
+      twist.linear_m_s -= into * ahead;
       tool.flags |= kToolObstructed;
     }
-    if (near.normal.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
+    if (ahead.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
       twist.angular_rad_s.setZero();
       tool.flags |= kToolObstructed;
     }

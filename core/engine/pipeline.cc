@@ -31,6 +31,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   const double dt_s = model_->dt_s / substeps;
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
+  std::fill(capture_impulse_ns_.begin(), capture_impulse_ns_.end(), 0);
   std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
   for (int k = 0; k < substeps; ++k) Substep(dt_s, k == 0);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {

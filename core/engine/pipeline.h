@@ -50,6 +50,7 @@ class Pipeline : public Engine {
   void WriteFrame(Frame* frame) const override;
   std::uint64_t StateHash() const override { return HashState(state_); }
   double MechanicalEnergy() const override;
+  double CaptureImpulse(int tool) const override { return capture_impulse_ns_[tool]; }
   std::span<const Stage> stages() const override { return clock_.stages(); }
   void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }
 
@@ -171,6 +172,7 @@ class Pipeline : public Engine {
   std::vector<CouplingLaw> coupling_law_;
   std::vector<ToolSystem::Law> tool_law_;
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
+  std::vector<double> capture_impulse_ns_;               // [#tools] see CaptureImpulse
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
   std::vector<std::uint8_t> retracted_;     // [#tools]

@@ -122,10 +122,11 @@ class Run {
         carried_kg += model_.mass_kg[state.contacts.zone_members[k]];
       }
     }
-    // What was let go in the step, and what was captured in it.
+    // Of what was held at its start or its end. Captures also count what was let go again.
     const double mass_kg = coupling.mass_kg + std::max(carried_kg, carried_kg_[t]);
     carried_kg_[t] = carried_kg;
-    const double most_n = coupling.max_force_n + 2 * mass_kg * coupling.max_speed_m_s / model_.dt_s;
+    const double impulse_ns = 2 * mass_kg * coupling.max_speed_m_s + engine_.CaptureImpulse(t);
+    const double most_n = coupling.max_force_n + impulse_ns / model_.dt_s;
     const double tissue_n = state.tools[t].tissue.force_n.norm();
     figures_.peak_force_n = std::max(figures_.peak_force_n, tissue_n);
     figures_.force_over = std::max(figures_.force_over, tissue_n / most_n);

@@ -64,7 +64,10 @@ struct StressRun {
 //
 // What bounds forces: a coupling's is at most max_force_n. Tissue's on the tool may be larger by
 // what momentum the tool and the tissue that it carries lose in a step: at most
-// 2 (m_tool + m_carried) max_speed_m_s / dt.
+// 2 (m_tool + m_carried) max_speed_m_s / dt, and m_tool |dv| / dt for each change dv of the tool's
+// velocity by a capture: a plastic impact, in which the tool gives no more than its own momentum. A
+// body that hits a braced needle is caught and let go some dozens of times in a step until it
+// stands.
 StressFigures RunStress(Engine* engine, const StressRun& run);
 
 // What does not hold, each in words with number and limit; empty: all does.

@@ -60,9 +60,13 @@ bool Clip(double limit, Block&& v) {
   return true;
 }
 
-// Scales a velocity so that no point within kSpeedRadius of the tip is faster than the limit.
+// No point within kSpeedRadius of the tip is faster.
+double SpeedOf(const Vec6& velocity) {
+  return velocity.head<3>().norm() + kSpeedRadius * velocity.tail<3>().norm();
+}
+
 bool ClipSpeed(double limit, Vec6* velocity) {
-  const double speed = velocity->head<3>().norm() + kSpeedRadius * velocity->tail<3>().norm();
+  const double speed = SpeedOf(*velocity);
   if (!(speed > limit)) return false;
   *velocity *= limit / speed;
   return true;
@@ -100,6 +104,12 @@ bool ClipWrench(const CouplingParameters& parameters, Vec6* wrench) {
   return Clip(parameters.max_torque_nm, wrench->tail<3>()) || force_clipped;
 }
 
+// A tool that an impact has made faster than the limit is slowed down by its coupling, within
+// max_force_n, and by nothing else: to cut its speed would be an impulse that nothing exerts.
+double SpeedLimit(const CouplingParameters& parameters, const Vec6& before) {
+  return std::max(parameters.max_speed_m_s, SpeedOf(before));
+}
+
 }  // namespace
 
 CouplingLaw LawOf(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
@@ -126,9 +136,9 @@ Vec6 LimitWrench(const CouplingParameters& parameters, const Vec6& twist, double
 }
 
 bool LimitTwist(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
-                const Mat6& inertia, double dt_s, Vec6* twist) {
+                const Mat6& inertia, const Vec6& before, double dt_s, Vec6* twist) {
   LimitApproaches(parameters, ErrorOf(pose, target), inertia, dt_s, twist);
-  return ClipSpeed(parameters.max_speed_m_s, twist);
+  return ClipSpeed(SpeedLimit(parameters, before), twist);
 }
 
 CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& pose,
@@ -151,7 +161,7 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
   result.force_limited = ClipWrench(parameters, &wrench);
   Vec6 next = aim;
   if (result.force_limited) next = velocity + dt_s * inertia.ldlt().solve(wrench + pull);
-  if (ClipSpeed(parameters.max_speed_m_s, &next)) result.speed_limited = true;
+  if (ClipSpeed(SpeedLimit(parameters, velocity), &next)) result.speed_limited = true;
 
   result.twist = {next.head<3>(), next.tail<3>()};
   result.wrench = {wrench.head<3>(), wrench.tail<3>()};

@@ -16,8 +16,8 @@ struct CouplingResult {
 // The tool's next twist: a rigid body of `inertia` (6 x 6 about the tip: linear first, angular
 // second; the tool's own mass plus that of the tissue it carries) pulled by a critically damped
 // spring towards `target` and by `applied` (the forces on the tissue it carries, about the tip),
-// integrated by backward Euler over dt_s: stable for any stiffness. The spring's force and torque,
-// and the tool's speed, are clipped to the parameters' limits.
+// integrated by backward Euler over dt_s: stable for any stiffness. The spring's force and torque
+// are clipped to the parameters' limits, and so is the tool's speed where it was within them.
 CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& pose,
                             const Twist& twist, const Pose& target, const Mat6& inertia,
                             const Wrench& applied, double dt_s);
@@ -34,10 +34,10 @@ CouplingLaw LawOf(const CouplingParameters& parameters, const Pose& pose, const 
 // whatever the twist. Returns the wrench, and in `*limited` whether it was.
 Vec6 LimitWrench(const CouplingParameters& parameters, const Vec6& twist, double dt_s,
                  CouplingLaw* law, bool* limited);
-// Limits the speed, and the approach to the target to what the limited force can brake. True where
-// it was too fast.
+// Limits the speed, and the approach to the target to what the limited force can brake; `before` is
+// the twist of the sub-step before. True where it was too fast.
 bool LimitTwist(const CouplingParameters& parameters, const Pose& pose, const Pose& target,
-                const Mat6& inertia, double dt_s, Vec6* twist);
+                const Mat6& inertia, const Vec6& before, double dt_s, Vec6* twist);
 
 // max_speed_m_s holds for every point of a tool this near to its tip, m.
 inline constexpr double kSpeedRadius = 0.1;

@@ -224,6 +224,41 @@ effects:
   EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
 }
 
+// Neither tool can take the ball from the other: the one that carries it stops.
+TEST(Tools, WhatOneHoldsIsNotDrivenThroughAnother) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: ball, icosphere: {radius_m: 0.02, subdivisions: 1}, mass_kg: 0.02, kind: rigid}
+tools:
+  - name: carries
+    needle: {}
+    position_m: [0, 0, 0.0215]
+    adhesion: {normal_strength_pa: 1e7}
+    trajectory:
+      - {t_s: 0.0, position_m: [0, 0, 0.0215]}
+      - {t_s: 0.1, position_m: [0, 0, 0.0185]}
+      - {t_s: 0.4, position_m: [0.03, 0, 0.0185]}
+  - {name: stands, needle: {}, position_m: [0.035, 0, -0.01]}
+effects:
+  - virtual_adhesive: {capture_distance_m: 0.001}
+)");
+  double furthest_m = 0;
+  std::uint32_t bits = 0, flags = 0;
+  for (int step = 0; step < 500; ++step) {
+    bits |= engine->Step({}).bits;
+    flags |= engine->state().tools[0].flags;
+    Vec3 centre = Vec3::Zero();
+    for (const Vec3& x : engine->state().position_m)
+      centre += x / static_cast<double>(engine->model().particle_count());
+    furthest_m = std::max(furthest_m, centre.x());
+  }
+  EXPECT_GT(furthest_m, 0.01);  // it was carried
+  // A face is at least 0.9 radii from the centre.
+  EXPECT_LT(furthest_m, 0.035 - 0.018);
+  EXPECT_TRUE(flags & kToolObstructed);
+  EXPECT_FALSE(bits & kStepReleasePasses);  // and no passes go by on what cannot be caught
+}
+
 TEST(Tools, ARetractedToolLetsGoOfEverything) {
   auto engine = EngineOf(NeedleScene(kPressAndPull));
   StepMany(engine.get(), 400);

@@ -163,10 +163,12 @@ TEST(Torture, DrawsScenesThatLoad) {
 // By what each showed: carried tissue that a tool cannot take along stops it (4, 88, 95); bodies
 // whose carried surfaces stick together are balanced as one (17, 38); a tool that catches what is
 // heavier than itself is slowed (29, 49); a tool's trial step is looked at (43); a stiff body turns
-// on arcs (71).
+// on arcs (71); what a tool holds is not driven through another tool (131, 220); a tool that an
+// impact made too fast is braked by its coupling alone (367); what is caught and let go in one step
+// counts (465).
 TEST(Torture, StaysMended) {
   if (kSanitized) GTEST_SKIP() << "the release build runs them";
-  for (const int seed : {4, 17, 29, 38, 43, 49, 71, 88, 95}) {
+  for (const int seed : {4, 17, 29, 38, 43, 49, 71, 88, 95, 220, 367, 465}) {
     const StressResult result = RunTorture(seed, kTortureS);
     EXPECT_EQ(result.outcome, StressOutcome::kSurvived) << seed << ": " << result.cause;
   }

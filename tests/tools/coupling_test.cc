@@ -359,11 +359,36 @@ TEST(Coupling, LimitsTheTwistToTheSpeedAndToWhatTheForceCanBrake) {
   const Mat6 inertia = Inertia(0.05, 2.4e-4);  // 200 m/s^2: 2 m/s over 10 mm
   Vec6 twist = Vec6::Zero();
   twist(0) = 5;
-  EXPECT_FALSE(LimitTwist(parameters, Pose{}, target, inertia, 1e-4, &twist));
+  const Vec6 rest = Vec6::Zero();
+  EXPECT_FALSE(LimitTwist(parameters, Pose{}, target, inertia, rest, 1e-4, &twist));
   EXPECT_NEAR(twist(0), 2, 0.02);  // up to a step's braking
   parameters.max_speed_m_s = 1;
-  EXPECT_TRUE(LimitTwist(parameters, Pose{}, target, inertia, 1e-4, &twist));
+  EXPECT_TRUE(LimitTwist(parameters, Pose{}, target, inertia, rest, 1e-4, &twist));
   EXPECT_NEAR(twist(0), 1, 1e-12);
+}
+
+// 50 g that an impact has made three times as fast as the limit: 2 N take 0.04 m/s a millisecond.
+TEST(Coupling, BrakesAToolThatAnImpactMadeTooFastByNoMoreThanItsForce) {
+  CouplingParameters parameters = Unlimited();
+  parameters.max_force_n = 2;
+  parameters.max_speed_m_s = 0.5;
+  const Mat6 inertia = Inertia(0.05, 2.4e-4);
+  Twist twist{Vec3(0, 1.5, 0), Vec3::Zero()};
+  const CouplingResult result =
+      FollowTarget(parameters, Pose{}, twist, Pose{}, inertia, Wrench{}, 1e-3);
+  EXPECT_NEAR(result.twist.linear_m_s.y(), 1.46, 1e-12);
+  EXPECT_NEAR(result.wrench.force_n.y(), -2, 1e-12);
+  // Forces of tissue make it no faster than it was.
+  const Wrench pull{Vec3(0, 100, 0), Vec3::Zero()};
+  const CouplingResult pulled =
+      FollowTarget(parameters, Pose{}, twist, Pose{}, inertia, pull, 1e-3);
+  EXPECT_NEAR(pulled.twist.linear_m_s.y(), 1.5, 1e-12);
+  EXPECT_TRUE(pulled.speed_limited);
+  Vec6 before = Vec6::Zero(), next = Vec6::Zero();
+  before(1) = 1.5;
+  next(1) = 1.48;
+  LimitTwist(parameters, Pose{}, Pose{}, inertia, before, 1e-3, &next);
+  EXPECT_NEAR(next(1), 1.48, 1e-12);
 }
 
 }  // namespace
