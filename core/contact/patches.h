@@ -15,7 +15,8 @@ namespace adhesim {
 // rest. It follows from the bonds alone. What is of one patch and of one zone lets go together.
 //
 // A triangle whose corners are fixed is ground: it holds every patch that sticks to it, and joins
-// none, however large it is. There a body is cut by cubes of its own, of which one is in its middle.
+// none, however large it is. There a body is cut by cubes of its own, of which one is in its
+// middle.
 class Patches {
  public:
   // Empty where the scene has no patches.
