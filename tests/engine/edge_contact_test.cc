@@ -97,6 +97,35 @@ TEST(EdgeContact, CrossedEdgesAreCapturedAtTheCaptureDistanceAndHold) {
   EXPECT_EQ(CountEdgesThrough(engine->model(), engine->state().position_m), 0);
 }
 
+// A needle holds both blocks, whose edges therefore need no looking at. It lets go of them under
+// forces that would drive one edge 0.85 mm through the other in that same step.
+TEST(EdgeContact, EdgesThatMovedAsOneAreLookedAtInTheStepThatPartsThem) {
+  auto engine = EngineOf(R"(
+bodies:
+  - {name: a, kind: rigid, block: {size_m: [0.02, 0.02, 0.02]}, mass_kg: 0.01,
+     rotation_deg: [45, 0, 0], position_m: [0.00414, 0, 0.014292], velocity_m_s: [0.01, 0, 0]}
+  - {name: b, kind: rigid, block: {size_m: [0.02, 0.02, 0.02]}, mass_kg: 0.01,
+     rotation_deg: [0, 45, 0], position_m: [0, 0, -0.014142], velocity_m_s: [0.01, 0, 0]}
+tools:
+  - {name: holds, needle: {radius_m: 0.002}, position_m: [0.01664, 0, -0.03],
+     adhesion: {normal_strength_pa: 1e9}}
+effects:
+  - attraction: {bodies: [a], point_m: [0, 0, -100], acceleration_m_s2: 500}
+  - attraction: {bodies: [b], point_m: [0, 0, 100], acceleration_m_s2: 500}
+  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 1}
+)");
+  StepMany(engine.get(), 5);
+  const Contacts& contacts = engine->state().contacts;
+  ASSERT_EQ(contacts.zones.size(), 1u);
+  ASSERT_EQ(contacts.zones[0].bodies, 2);
+  ASSERT_EQ(EdgeBonds(*engine), 0);
+  ToolInput retracted;
+  retracted.retracted = true;
+  engine->Step(std::span(&retracted, 1));
+  EXPECT_EQ(EdgeBonds(*engine), 1);
+  EXPECT_EQ(CountEdgesThrough(engine->model(), engine->state().position_m), 0);
+}
+
 TEST(EdgeContact, CrossedEdgesPartAtTheirStrength) {
   auto measured = EngineOf(CrossedBlocks("rigid", 1e6, 0, false));
   StepMany(measured.get(), 30);

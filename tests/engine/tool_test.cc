@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "core/contact/adhesive.h"
 #include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/sample_scenes.h"
@@ -256,7 +257,21 @@ effects:
   // A face is at least 0.9 radii from the centre.
   EXPECT_LT(furthest_m, 0.035 - 0.018);
   EXPECT_TRUE(flags & kToolObstructed);
-  EXPECT_FALSE(bits & kStepReleasePasses);  // and no passes go by on what cannot be caught
+  EXPECT_FALSE(bits & kStepReleasePasses);
+  // Nor is a pass spent on what cannot be caught: the ball's first triangle, near the second tool.
+  const State& state = engine->state();
+  ASSERT_EQ(state.contacts.zones.size(), 1u);
+  const Adhesive::NearTool near{1, 0, Vec3::Constant(1.0 / 3), Vec3::UnitX(), 5e-4, true, true};
+  std::vector<Vec3> moved = state.position_m;
+  for (Vec3& x : moved) x.x() -= 1e-3;
+  Contacts contacts = state.contacts;
+  contacts.bonds.reserve(64);
+  StepReport report;
+  const std::vector<Pose> poses{state.tools[0].pose, state.tools[1].pose};
+  EXPECT_EQ(
+      Adhesive(engine->model())
+          .CaptureCrossingByTools(std::span(&near, 1), state, moved, poses, &contacts, &report),
+      0);
 }
 
 TEST(Tools, ARetractedToolLetsGoOfEverything) {
