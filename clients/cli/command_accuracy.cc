@@ -1,6 +1,7 @@
 #include <absl/status/statusor.h>
 #include <absl/strings/str_cat.h>
 
+#include <fstream>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -31,6 +32,15 @@ ExitCode Fail(const absl::Status& status) {
   if (absl::IsCancelled(status)) return kExitInterrupted;
   std::cerr << "error: " << status.message() << "\n";
   return absl::IsInvalidArgument(status) ? kExitBadInput : kExitCheckFailed;
+}
+
+// Before a study of minutes, not after it.
+absl::Status CheckWritable(const Arguments& arguments) {
+  for (const std::string& path : {arguments.html, arguments.svg, arguments.json}) {
+    if (path.empty() || path == "-" || std::ofstream(path, std::ios::app)) continue;
+    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Write(const Arguments& arguments, const AccuracyReport& report) {
@@ -86,6 +96,7 @@ ExitCode Accuracy(const Arguments& arguments) {
   const SceneFile file = ReadSceneFile(arguments.scene);
   const std::optional<LoadedScene> loaded = LoadScene(arguments.scene, arguments.settings);
   if (!loaded) return kExitBadInput;
+  if (const absl::Status writable = CheckWritable(arguments); !writable.ok()) return Fail(writable);
   StopOnSignals();
   AccuracyReport report;
   report.machine = DescribeMachine();

@@ -9,6 +9,7 @@
 #include "clients/cli/load_scene.h"
 #include "clients/cli/output.h"
 #include "clients/cli/write_pml_file.h"
+#include "core/engine/engine.h"
 #include "core/scene/mesh/pml_surface.h"
 #include "core/scene/mesh/write_pml.h"
 #include "core/scene/scene_text.h"
@@ -22,12 +23,18 @@ int Check(const std::vector<std::string>& files) {
   int exit_code = kExitOk;
   for (const std::string& file : files) {
     const std::optional<LoadedScene> loaded = LoadScene(file);
-    if (loaded) {
-      std::cout << file << ": ok, " << loaded->model->bodies.size() << " bodies, "
-                << loaded->model->particle_count() << " particles" << std::endl;
-    } else {
+    if (!loaded) {
       exit_code = kExitBadInput;
+      continue;
     }
+    // What only compiling finds: effects that do not go together, too many sub-steps.
+    if (const auto engine = Engine::Create(loaded->model, {}); !engine.ok()) {
+      std::cerr << file << ": error: " << engine.status().message() << "\n";
+      exit_code = kExitBadInput;
+      continue;
+    }
+    std::cout << file << ": ok, " << loaded->model->bodies.size() << " bodies, "
+              << loaded->model->particle_count() << " particles" << std::endl;
   }
   return exit_code;
 }

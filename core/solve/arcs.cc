@@ -1,6 +1,7 @@
 #include "core/solve/arcs.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "core/solve/rigid_group.h"
 
@@ -24,6 +25,7 @@ Arcs::Arcs(const Model& model) : model_(model) {
 }
 
 void Arcs::Update(const State& state, double dt_s) {
+  widest_rad_ = 0;
   for (std::size_t b = 0; b < of_.size(); ++b) {
     Arc& arc = of_[b];
     arc.turns = false;
@@ -53,6 +55,7 @@ void Arcs::Update(const State& state, double dt_s) {
     const Vec3 w = inertia.inverse() * moment;
     if (!(dt_s * w.norm() > kLeastAngle)) continue;
     arc.turns = true;
+    widest_rad_ = std::max(widest_rad_, dt_s * w.norm());
     arc.centre_m = origin + centre;
     arc.bend = (RotationStep(w, dt_s).toRotationMatrix() - Mat3::Identity()) / dt_s;
     arc.bend -= CrossMatrix(w);

@@ -25,6 +25,8 @@ class Arcs {
   explicit Arcs(const Model& model);
 
   void Update(const State& state, double dt_s);
+  // The widest turn of a free body in the step, rad.
+  double widest_rad() const { return widest_rad_; }
   // c of a particle at x, m/s.
   Vec3 At(int body, const Vec3& x) const {
     return of_[body].turns ? Vec3(of_[body].bend * (x - of_[body].centre_m)) : Vec3::Zero();
@@ -38,6 +40,7 @@ class Arcs {
   };
   const Model& model_;
   std::vector<Arc> of_;  // [#bodies]
+  double widest_rad_ = 0;
 };
 
 }  // namespace adhesim

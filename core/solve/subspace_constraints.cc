@@ -195,11 +195,13 @@ double SubspaceSolver::MeasureRows(const State& state, double dt_s) {
     first += static_cast<int>(count);
   }
   double worst = 0;
+  stuck_error_ = 0;
   for (int r = 0; r < rows_; ++r) {
     if (Sleeps(state, r)) residual_[r] = 0;
     residual_[r] -= lacking_[r];
     const double error = std::abs(residual_[r]) / row_[r].scale;
-    if (preconditioner_[r] > 0 && !(error <= worst)) worst = error;
+    double& largest = preconditioner_[r] > 0 ? worst : stuck_error_;
+    if (!(error <= largest)) largest = error;
     residual_[r] /= -dt_s;
   }
   return worst;
@@ -213,6 +215,8 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
   for (int iteration = 0;; ++iteration) {
     MoveAll(state, dt_s, parallel);
     const double worst = MeasureRows(state, dt_s);
+    if (!(stuck_error_ < std::max(kNearlyMet, constraint_tolerance_)))
+      report->bits |= kStepVolumeNotMet;
     if (worst < least) {
       least = worst;
       best_ = multiplier_;

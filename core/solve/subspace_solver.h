@@ -172,6 +172,7 @@ class SubspaceSolver {
   std::vector<Vec3> gradient_;      // [#particles]
   bool gradients_known_ = false;    // of the state's positions
   bool rows_off_ = false;
+  double stuck_error_ = 0;              // relative, of the worst row that nothing can change
   std::vector<double> lacking_;         // [#rows] what they lack at the state's positions, or 0
   std::vector<Vec3> response_;          // [#particles] of a free particle: gradient over mass
   std::vector<double> multiplier_;      // [#rows] impulse along the gradient

@@ -118,6 +118,16 @@ TEST(Cli, ChecksSeveralScenes) {
   EXPECT_EQ(Adhesim("scene check " + good).exit_code, 0);
 }
 
+TEST(Cli, ChecksWhatOnlyCompilingFinds) {
+  const std::string scene = FallingScene();
+  std::ofstream(scene, std::ios::app)
+      << "  - attraction: {point_m: [0, 0, 0], acceleration_m_s2: 1}\nsleep: {speed_m_s: 0.001}\n";
+  const Outcome outcome = Adhesim("scene check " + scene);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_THAT(outcome.err, HasSubstr(scene + ": error: effects[3].attraction"));
+}
+
 TEST(Cli, ShowsASceneThatReadsBackTheSame) {
   const Outcome shown = Adhesim("scene show " + FallingScene());
   EXPECT_EQ(shown.exit_code, 0);
