@@ -84,7 +84,7 @@ struct Zone {
   std::int32_t count = 0;
   std::int32_t tool = -1;               // driven by this tool, or -1
   std::int32_t rigid_body = -1;         // holds this rigid body (the lowest, if several), or -1
-  std::int32_t pins = 0;                // fixed particles among the members
+  std::int32_t pins = 0;                // fixed among the members, or corners of ground under them
   std::int32_t bodies = 0;              // different bodies among the members
   Vec3 centre_m = Vec3::Zero();         // centre of mass
   Vec3 momentum_kg_m_s = Vec3::Zero();  // P
