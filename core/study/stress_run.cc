@@ -139,7 +139,7 @@ class Run {
     const Ledger& ledger = engine_.state().ledger;
     const double permitted_j =
         ledger.initial_j + ledger.external_work_j + ledger.tool_work_j + ledger.correction_j;
-    figures_.excess_j = std::max(figures_.excess_j, engine_.MechanicalEnergy() - permitted_j);
+    figures_.excess_j = std::max(figures_.excess_j, engine_.KeptEnergy() - permitted_j);
   }
 
   void Sample() {
