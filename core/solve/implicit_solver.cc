@@ -142,7 +142,7 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
   system_.SetZones(*state, groups);
   Prescribe(*state, groups);
   iterations_ = 0;
-  rows_.Clear();
+  rows_.Start();
   if (model_.integrator == Integrator::kNewton) {
     SolveNewton(groups, dt_s, *state, parallel, report);
   } else {
