@@ -164,7 +164,7 @@ void Pipeline::Substep(double dt_s, bool first) {
     FallAsleep();
     clock_.Lap(sleep_stage_);
   }
-  if (implicit_ && !AllSleep()) {
+  if (StepsImplicitly()) {
     implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
     clock_.Lap(solve_stage_);
   }
@@ -174,7 +174,7 @@ void Pipeline::Substep(double dt_s, bool first) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  if (force_error_ && !AllSleep()) BoundToolForces(dt_s);
+  if (force_error_ && StepsImplicitly()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
@@ -224,7 +224,7 @@ void Pipeline::EndSliding() {
   }
   const int parted = adhesive_->RemoveParted(&state_.contacts);
   report_.releases += parted;
-  if (parted > 0) RenewZones();
+  if (parted > 0) RenewZones(/*meets_tools=*/false);
 }
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
@@ -317,7 +317,7 @@ void Pipeline::Solve(double dt_s) {
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
     std::span<const double> multipliers;
-    if (implicit_ && !AllSleep()) {
+    if (StepsImplicitly()) {
       implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_);
       multipliers = implicit_->row_multipliers();
     }
@@ -346,7 +346,8 @@ void Pipeline::Solve(double dt_s) {
         return;
       }
     }
-    RenewZones();  // letting go changes no velocity, only the zones' own momenta
+    RenewZones(
+        /*meets_tools=*/false);  // letting go changes no velocity, only the zones' own momenta
   }
 }
 
