@@ -37,8 +37,7 @@ void Pipeline::FollowAgainstForces(int t, double dt_s) {
                                              tool.target, inertia, applied, dt_s);
   if (result.force_limited) tool.flags |= kToolForceLimited;
   if (result.speed_limited) tool.flags |= kToolSpeedLimited;
-  coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
-  coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
+  coupling_now_[t] = {dt_s * result.wrench.force_n, dt_s * result.wrench.torque_nm};
   tool_twist_[t] = result.twist;
 }
 
@@ -87,8 +86,7 @@ bool Pipeline::MoveWithTissue(double dt_s) {
         LimitWrench(model_->tools[t].coupling, twist_of(t), dt_s, &coupling_law_[t], &limited);
     if (limited) state_.tools[t].flags |= kToolForceLimited;
     any_limited = any_limited || limited;
-    coupling_impulse_[t].force_n += dt_s * wrench.head<3>();
-    coupling_impulse_[t].torque_nm += dt_s * wrench.tail<3>();
+    coupling_now_[t] = {dt_s * wrench.head<3>(), dt_s * wrench.tail<3>()};
   }
   if (any_limited) solve();
   for (int t = 0; t < tools; ++t) {

@@ -180,6 +180,8 @@ void Pipeline::Substep(double dt_s, bool first) {
   solver_->Accept(&state_, dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
+    coupling_impulse_[t].force_n += coupling_now_[t].force_n;
+    coupling_impulse_[t].torque_nm += coupling_now_[t].torque_nm;
     tool.twist = tool_twist_[t];
     tool.pose.position_m += dt_s * tool.twist.linear_m_s;
     tool.pose.orientation =
@@ -323,7 +325,7 @@ void Pipeline::Solve(double dt_s) {
     }
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers);
     if (!adhesive_) return;
-    int changes = 0;
+    int changes = 0, by_tools = 0;
     if (releasing && passes < kReleasePasses) {
       changes = adhesive_->Release(solver_->load_n(), solver_->tie_load(), state_, strength_scale_,
                                    passes == 0 ? dt_s : 0, &state_.contacts);
@@ -336,9 +338,10 @@ void Pipeline::Solve(double dt_s) {
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
       if (tool_contacts_) {
-        changes +=
+        by_tools =
             adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
                                               tool_pose_, &state_.contacts, &report_);
+        changes += by_tools;
       }
       if (changes == 0) return;
       if (++caught > kCrossingPasses) {
@@ -346,8 +349,8 @@ void Pipeline::Solve(double dt_s) {
         return;
       }
     }
-    RenewZones(
-        /*meets_tools=*/false);  // letting go changes no velocity, only the zones' own momenta
+    RenewZones(by_tools > 0);  // letting go changes no velocity, only the zones' own momenta
+    if (by_tools > 0) MoveTools(dt_s);  // they have met what they caught
   }
 }
 

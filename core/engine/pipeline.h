@@ -177,6 +177,7 @@ class Pipeline : public Engine {
   std::vector<CouplingLaw> coupling_law_;
   std::vector<ToolSystem::Law> tool_law_;
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
+  std::vector<Wrench> coupling_now_;                     // [#tools] of it, in the coming sub-step
   std::vector<double> capture_impulse_ns_;               // [#tools] see CaptureImpulse
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
