@@ -40,15 +40,7 @@ void Adhesive::CollectLimits(const State& state, std::span<const double> strengt
     limit_[p].bonded = false;
     crack_area_m2_[p] = model_.area_m2[p];
   }
-  if (!patches_.empty()) {
-    // Ground, which may be in no zone.
-    for (const Bond& bond : contacts.bonds) {
-      for (const std::int32_t v : bond.vertices) {
-        if (v >= 0 && contacts.zone_of[v] < 0) limit_[v].bonded = false;
-      }
-    }
-    CollectPatches(contacts);
-  }
+  if (!patches_.empty()) CollectPatches(contacts);
   for (const Bond& bond : contacts.bonds) {
     if (bond.sliding || bond.tied || Sleeps(bond)) continue;
     const Vec3 normal = BondNormal(bond, state);

@@ -229,6 +229,7 @@ absl::Status Pipeline::CompileTools() {
   tool_impulse_.resize(tools);
   capture_impulse_ns_.resize(tools);
   coupling_impulse_.resize(tools);
+  coupling_now_.resize(tools);
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);
   solver_->SetTools({last_twist_, tool_twist_, strength_scale_});

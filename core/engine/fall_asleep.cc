@@ -58,8 +58,11 @@ void Pipeline::Wake() {
 void Pipeline::FallAsleep() {
   std::span<const BodyPair> pairs;
   if (detector_) pairs = detector_->pairs();
-  const std::span<const Vec3> field_n = force_n_[std::countr_zero(std::uint32_t{kField})];
-  const std::span<const std::int32_t> tired = sleeping_->Tire(pairs, ToolBoxes(), field_n, &state_);
+  const auto of_kind = [&](ForceKind kind) -> std::span<const Vec3> {
+    return force_n_[std::countr_zero(static_cast<std::uint32_t>(kind))];
+  };
+  const Sleeping::Forces forces{of_kind(kElastic), of_kind(kField)};
+  const std::span<const std::int32_t> tired = sleeping_->Tire(pairs, ToolBoxes(), forces, &state_);
   if (tired.empty()) return;
   std::fill(strain_energy_j_.begin(), strain_energy_j_.end(), 0.0);
   for (const auto& effect : effects_) {

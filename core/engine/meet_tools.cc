@@ -8,34 +8,24 @@ namespace adhesim {
 
 Mat6 Pipeline::CarriedInertia(int t) const {
   Mat6 inertia = Mat6::Zero();
-  for (const Zone& zone : state_.contacts.zones) {
-    if (zone.tool != t) continue;
-    for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      const int p = state_.contacts.zone_members[k];
-      const Vec3 r = state_.position_m[p] - state_.tools[t].pose.position_m;
-      const Mat3 cross = CrossMatrix(r);
-      const double m = model_->mass_kg[p];
-      inertia.topLeftCorner<3, 3>() += m * Mat3::Identity();
-      inertia.topRightCorner<3, 3>() -= m * cross;
-      inertia.bottomLeftCorner<3, 3>() += m * cross;
-      inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
-    }
-  }
+  ForEachCarried(t, [&](int p, const Vec3& r) {
+    const Mat3 cross = CrossMatrix(r);
+    const double m = model_->mass_kg[p];
+    inertia.topLeftCorner<3, 3>() += m * Mat3::Identity();
+    inertia.topRightCorner<3, 3>() -= m * cross;
+    inertia.bottomLeftCorner<3, 3>() += m * cross;
+    inertia.bottomRightCorner<3, 3>() -= m * cross * cross;
+  });
   return inertia;
 }
 
 Vec6 Pipeline::CarriedMomentum(int t) const {
   Vec6 momentum = Vec6::Zero();
-  for (const Zone& zone : state_.contacts.zones) {
-    if (zone.tool != t) continue;
-    for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      const int p = state_.contacts.zone_members[k];
-      const Vec3 r = state_.position_m[p] - state_.tools[t].pose.position_m;
-      const Vec3 linear = model_->mass_kg[p] * state_.velocity_m_s[p];
-      momentum.head<3>() += linear;
-      momentum.tail<3>() += r.cross(linear);
-    }
-  }
+  ForEachCarried(t, [&](int p, const Vec3& r) {
+    const Vec3 linear = model_->mass_kg[p] * state_.velocity_m_s[p];
+    momentum.head<3>() += linear;
+    momentum.tail<3>() += r.cross(linear);
+  });
   return momentum;
 }
 
@@ -54,6 +44,16 @@ void Pipeline::MeetTools() {
     capture_impulse_ns_[t] += own(0, 0) * (twist.head<3>() - tool.twist.linear_m_s).norm();
     tool.twist = {twist.head<3>(), twist.tail<3>()};
   }
+}
+
+// Bonds have changed: so do zones, and velocities fit them from now on. `meets_tools`: tools may
+// have taken hold of something.
+void Pipeline::RenewZones(bool meets_tools) {
+  adhesive_->Tie(state_.position_m, &state_.contacts);
+  zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
+  if (meets_tools) MeetTools();
+  if (sleeping_) sleeping_->MarkZones(&state_);
+  solver_->Capture(&state_, tool_impulse_);
 }
 
 }  // namespace adhesim

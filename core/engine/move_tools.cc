@@ -10,7 +10,7 @@ void Pipeline::MoveTools(double dt_s) {
     tool_pose_[t] = state_.tools[t].pose;
     last_twist_[t] = state_.tools[t].twist;
   }
-  const bool together = tool_system_ && !AllSleep() && MoveWithTissue(dt_s);
+  const bool together = tool_system_ && StepsImplicitly() && MoveWithTissue(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const int tool = static_cast<int>(t);
     if (!together || !tool_system_->holds(tool)) FollowAgainstForces(tool, dt_s);
@@ -29,21 +29,15 @@ void Pipeline::FollowAgainstForces(int t, double dt_s) {
   // What the tool carries: the inertia of its zone, and the forces on it.
   const Mat6 inertia = ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(t);
   Wrench applied = tool.rubbed;
-  for (const Zone& zone : state_.contacts.zones) {
-    if (zone.tool != t) continue;
-    for (int k = zone.first; k < zone.first + zone.count; ++k) {
-      const int p = state_.contacts.zone_members[k];
-      const Vec3 r = state_.position_m[p] - tool.pose.position_m;
-      applied.force_n += total_force_n_[p];
-      applied.torque_nm += r.cross(total_force_n_[p]);
-    }
-  }
+  ForEachCarried(t, [&](int p, const Vec3& r) {
+    applied.force_n += total_force_n_[p];
+    applied.torque_nm += r.cross(total_force_n_[p]);
+  });
   const CouplingResult result = FollowTarget(model_->tools[t].coupling, tool.pose, tool.twist,
                                              tool.target, inertia, applied, dt_s);
   if (result.force_limited) tool.flags |= kToolForceLimited;
   if (result.speed_limited) tool.flags |= kToolSpeedLimited;
-  coupling_impulse_[t].force_n += dt_s * result.wrench.force_n;
-  coupling_impulse_[t].torque_nm += dt_s * result.wrench.torque_nm;
+  coupling_now_[t] = {dt_s * result.wrench.force_n, dt_s * result.wrench.torque_nm};
   tool_twist_[t] = result.twist;
 }
 
@@ -92,8 +86,7 @@ bool Pipeline::MoveWithTissue(double dt_s) {
         LimitWrench(model_->tools[t].coupling, twist_of(t), dt_s, &coupling_law_[t], &limited);
     if (limited) state_.tools[t].flags |= kToolForceLimited;
     any_limited = any_limited || limited;
-    coupling_impulse_[t].force_n += dt_s * wrench.head<3>();
-    coupling_impulse_[t].torque_nm += dt_s * wrench.tail<3>();
+    coupling_now_[t] = {dt_s * wrench.head<3>(), dt_s * wrench.tail<3>()};
   }
   if (any_limited) solve();
   for (int t = 0; t < tools; ++t) {

@@ -165,7 +165,7 @@ void Pipeline::Substep(double dt_s, bool first) {
     FallAsleep();
     clock_.Lap(sleep_stage_);
   }
-  if (implicit_ && !AllSleep()) {
+  if (StepsImplicitly()) {
     implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
     clock_.Lap(solve_stage_);
   }
@@ -175,12 +175,14 @@ void Pipeline::Substep(double dt_s, bool first) {
   }
   Solve(dt_s);
   clock_.Lap(solve_stage_);
-  if (force_error_ && !AllSleep()) BoundToolForces(dt_s);
+  if (force_error_ && StepsImplicitly()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
   solver_->Accept(&state_, dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     ToolState& tool = state_.tools[t];
+    coupling_impulse_[t].force_n += coupling_now_[t].force_n;
+    coupling_impulse_[t].torque_nm += coupling_now_[t].torque_nm;
     tool.twist = tool_twist_[t];
     tool.pose.position_m += dt_s * tool.twist.linear_m_s;
     tool.pose.orientation =
@@ -225,7 +227,7 @@ void Pipeline::EndSliding() {
   }
   const int parted = adhesive_->RemoveParted(&state_.contacts);
   report_.releases += parted;
-  if (parted > 0) RenewZones();
+  if (parted > 0) RenewZones(/*meets_tools=*/false);
 }
 
 // Bodies that lie in each other since the start come apart, a little in every sub-step.
@@ -318,13 +320,13 @@ void Pipeline::Solve(double dt_s) {
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
     std::span<const double> multipliers;
-    if (implicit_ && !AllSleep()) {
+    if (StepsImplicitly()) {
       implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_);
       multipliers = implicit_->row_multipliers();
     }
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers);
     if (!adhesive_) return;
-    int changes = 0;
+    int changes = 0, by_tools = 0;
     if (releasing && passes < kReleasePasses) {
       changes = adhesive_->Release(solver_->load_n(), solver_->tie_load(), state_, strength_scale_,
                                    passes == 0 ? dt_s : 0, &state_.contacts);
@@ -337,9 +339,10 @@ void Pipeline::Solve(double dt_s) {
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
       if (tool_contacts_) {
-        changes +=
+        by_tools =
             adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
                                               tool_pose_, &state_.contacts, &report_);
+        changes += by_tools;
       }
       if (changes == 0) return;
       if (++caught > kCrossingPasses) {
@@ -347,7 +350,8 @@ void Pipeline::Solve(double dt_s) {
         return;
       }
     }
-    RenewZones();  // letting go changes no velocity, only the zones' own momenta
+    RenewZones(by_tools > 0);  // letting go changes no velocity, only the zones' own momenta
+    if (by_tools > 0) MoveTools(dt_s);  // they have met what they caught
   }
 }
 

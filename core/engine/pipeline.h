@@ -72,6 +72,17 @@ class Pipeline : public Engine {
 
   int SubstepsNow();
   Twist ComingTwist(int tool) const;
+  // Visits (particle, its place seen from the tip) of all that the tool's zone carries.
+  template <typename Visit>
+  void ForEachCarried(int tool, const Visit& visit) const {
+    for (const Zone& zone : state_.contacts.zones) {
+      if (zone.tool != tool) continue;
+      for (int k = zone.first; k < zone.first + zone.count; ++k) {
+        const int p = state_.contacts.zone_members[k];
+        visit(p, Vec3(state_.position_m[p] - state_.tools[tool].pose.position_m));
+      }
+    }
+  }
   // Of what the tool's zone carries, about the tip.
   Mat6 CarriedInertia(int tool) const;
   Vec6 CarriedMomentum(int tool) const;
@@ -88,13 +99,7 @@ class Pipeline : public Engine {
     near_edges_ = detector_->FindEdges(state_.position_m, moves_with, &parallel_, &report_);
     zones_parted_ = false;
   }
-  void RenewZones(bool meets_tools = false) {
-    adhesive_->Tie(state_.position_m, &state_.contacts);
-    zones_parted_ |= zone_builder_->Rebuild(&state_.contacts, &report_);
-    if (meets_tools) MeetTools();
-    if (sleeping_) sleeping_->MarkZones(&state_);
-    solver_->Capture(&state_, tool_impulse_);
-  }
+  void RenewZones(bool meets_tools);
   // Which lists of what is near a sub-step makes anew; the other one is of the sub-step before.
   struct Search {
     bool particles, edges;
@@ -107,8 +112,8 @@ class Pipeline : public Engine {
   void LeaveOutSleepers();
   // What solvers keep is not of the state to come.
   void Forget();
-  // Where anything is implicit, all sleep or none.
-  bool AllSleep() const { return implicit_ && state_.sleep.bodies > 0; }
+  // Where anything is implicit, all sleep or none: then nothing is assembled or solved.
+  bool StepsImplicitly() const { return implicit_ && state_.sleep.bodies == 0; }
   void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();
@@ -177,6 +182,7 @@ class Pipeline : public Engine {
   std::vector<CouplingLaw> coupling_law_;
   std::vector<ToolSystem::Law> tool_law_;
   std::vector<Wrench> tool_impulse_, coupling_impulse_;  // [#tools] over the step
+  std::vector<Wrench> coupling_now_;                     // [#tools] of it, in the coming sub-step
   std::vector<double> capture_impulse_ns_;               // [#tools] see CaptureImpulse
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]

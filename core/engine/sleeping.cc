@@ -129,21 +129,31 @@ bool Sleeping::PinsLock(const Contacts& contacts, const Zone& zone,
   return false;
 }
 
+// By the power P of elastic forces and fields, which is none at rest: that of what creeps goes into
+// damping and drag, and would make it faster than permitted, P t > m v^2 / 2, if it did not. (Not
+// by the forces themselves: a solve may leave a hundredth of the elastic ones, for ever.)
+bool Sleeping::IsCalm(const Body& body, const Forces& forces, const State& state) const {
+  const double speed_sq = model_.sleep->speed_m_s * model_.sleep->speed_m_s;
+  double power_w = 0, mass_kg = 0;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    const Vec3& velocity = state.velocity_m_s[p];
+    if (!(velocity.squaredNorm() <= speed_sq)) return false;
+    if (!forces.elastic_n.empty()) power_w += forces.elastic_n[p].dot(velocity);
+    if (!forces.field_n.empty()) power_w += forces.field_n[p].dot(velocity);
+    mass_kg += model_.mass_kg[p];
+  }
+  return power_w * model_.sleep->time_s <= 0.5 * mass_kg * speed_sq;
+}
+
 std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
-                                             std::span<const Aabb> tools,
-                                             std::span<const Vec3> field_n, State* state) {
+                                             std::span<const Aabb> tools, const Forces& forces,
+                                             State* state) {
   Sleep& sleep = state->sleep;
   tired_.clear();
-  const double speed_sq = model_.sleep->speed_m_s * model_.sleep->speed_m_s;
   bool any = false;
   for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
     if (sleep.asleep[b] || !CanMove(static_cast<int>(b))) continue;
-    const Body& body = model_.bodies[b];
-    bool calm = true;
-    const int end = body.first_particle + body.particle_count;
-    for (int p = body.first_particle; calm && p < end; ++p) {
-      calm = state->velocity_m_s[p].squaredNorm() <= speed_sq;
-    }
+    const bool calm = IsCalm(model_.bodies[b], forces, *state);
     sleep.calm_steps[b] = calm ? std::min(sleep.calm_steps[b] + 1, tired_after_) : 0;
     any = any || sleep.calm_steps[b] == tired_after_;
   }
@@ -151,7 +161,7 @@ std::span<const std::int32_t> Sleeping::Tire(std::span<const BodyPair> pairs,
   MeasureBoxes(state);
   KeepAwake(state->contacts, tools, sleep);
   Join(pairs, *state);
-  KeepFallersAwake(field_n, state->contacts);
+  KeepFallersAwake(forces.field_n, state->contacts);
   bool all = true;
   for (int b = 0; b < static_cast<int>(islands_.size()); ++b) {
     if (sleep.asleep[b] || !CanMove(b)) continue;

@@ -16,6 +16,8 @@ namespace adhesim {
 //
 // Two bodies are neighbours when their boxes are within the reach of contact, or a zone that can
 // move holds both; what cannot move is nobody's neighbour. Neighbours, and theirs, are an island.
+// A body is calm when none of its particles is faster than permitted, and what drives it would not
+// make it so in the time that is asked for: what creeps through something viscous is slow for long.
 // An island falls asleep when each of its bodies has been calm for so long, no tool is near, and
 // none of its contacts slides, and where a field pulls at it something fixed holds it. A sleeper
 // wakes when it has a neighbour that is awake or a tool is near: whatever contact could see.
@@ -34,10 +36,13 @@ class Sleeping {
   // the boxes around tools that may touch. True: there were some.
   bool Wake(std::span<const BodyPair> pairs, std::span<const Aabb> tools, State* state);
   void WakeAll(State* state);
+  // Of the positions now, by kind [#particles, or empty].
+  struct Forces {
+    std::span<const Vec3> elastic_n, field_n;
+  };
   // Counts calm steps, once a step; returns the bodies [ascending] of islands that now fall asleep.
-  // `field_n` [#particles, or empty] are the forces from outside.
   std::span<const std::int32_t> Tire(std::span<const BodyPair> pairs, std::span<const Aabb> tools,
-                                     std::span<const Vec3> field_n, State* state);
+                                     const Forces& forces, State* state);
   // They sleep. The caller has booked and stopped them, and says what they carry.
   void PutToSleep(std::span<const std::int32_t> bodies, std::span<const Vec3> load_n,
                   std::span<const double> strain_energy_j, State* state);
@@ -50,6 +55,7 @@ class Sleeping {
   bool Near(const Sleep& sleep, int a, int b) const {
     return sleep.box_m[a].Grown(reach_m_).Overlaps(sleep.box_m[b]);
   }
+  bool IsCalm(const Body& body, const Forces& forces, const State& state) const;
   bool PinsLock(const Contacts& contacts, const Zone& zone, std::span<const Vec3> position_m) const;
   bool WakeZones(State* state) const;
   void KeepAwake(const Contacts& contacts, std::span<const Aabb> tools, const Sleep& sleep);

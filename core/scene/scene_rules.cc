@@ -235,8 +235,18 @@ void ClaimBodies(const v1::Scene& scene, const RepeatedPtrField<std::string>& na
   };
   if (named.empty()) {
     const ActsOn by_default = acts_on == ActsOn::kEither ? ActsOn::kSurfaces : acts_on;
+    bool any = false, tissue = false;
     for (const v1::Body& body : scene.bodies()) {
-      if (Unfit(body, by_default).empty() && !claim(body.name(), path)) return;
+      const bool fits = Unfit(body, by_default).empty();
+      if (fits && !claim(body.name(), path)) return;
+      any = any || fits;
+      tissue = tissue || Unfit(body, ActsOn::kTetrahedra).empty();
+    }
+    if (!any && tissue && acts_on == ActsOn::kEither) {
+      problems->push_back({path,
+                           "acts on nothing: bodies of tetrahedra keep their volumes only where "
+                           "`bodies` names them, and the scene has no other body that deforms",
+                           /*warning=*/true});
     }
     return;
   }

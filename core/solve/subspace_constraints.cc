@@ -23,11 +23,27 @@ constexpr double kRegained = 0.1;     // of it in one
 
 }  // namespace
 
+void SubspaceSolver::FindGradients(std::span<const Vec3> position_m,
+                                   std::span<const std::uint8_t> asleep) {
+  for (const Effect* effect : constraints_) {
+    effect->ConstraintGradients(position_m, asleep, gradient_);
+  }
+  GiveToCarriers(model_, gradient_);
+}
+
+void SubspaceSolver::FindResiduals(std::span<const Vec3> position_m,
+                                   std::span<const std::uint8_t> asleep,
+                                   std::span<double> residual) const {
+  for (const Effect* effect : constraints_) {
+    const std::size_t count = effect->constraints().size();
+    effect->ConstraintResiduals(position_m, asleep, residual.first(count));
+    residual = residual.subspan(count);
+  }
+}
+
 void SubspaceSolver::CollectRows(const State& state) {
   if (!gradients_known_) {
-    for (const Effect* effect : constraints_)
-      effect->ConstraintGradients(state.position_m, state.sleep.asleep, gradient_);
-    GiveToCarriers(model_, gradient_);
+    FindGradients(state.position_m, state.sleep.asleep);
     gradients_known_ = true;
   }
   for (int r = 0; r < rows_; ++r) {
@@ -187,13 +203,7 @@ void SubspaceSolver::Extrapolate(int iteration) {
 
 // Largest error of a row at moved_m_, relative; residual_ becomes the speeds that would end them.
 double SubspaceSolver::MeasureRows(const State& state, double dt_s) {
-  int first = 0;
-  for (const Effect* effect : constraints_) {
-    const std::size_t count = effect->constraints().size();
-    effect->ConstraintResiduals(moved_m_, state.sleep.asleep,
-                                std::span(residual_).subspan(first, count));
-    first += static_cast<int>(count);
-  }
+  FindResiduals(moved_m_, state.sleep.asleep, residual_);
   double worst = 0;
   stuck_error_ = 0;
   for (int r = 0; r < rows_; ++r) {
@@ -240,13 +250,7 @@ void SubspaceSolver::MeetConstraints(const State& state, double dt_s, Parallel* 
 }
 
 bool SubspaceSolver::RowsLack(const State& state) {
-  int first = 0;
-  for (const Effect* effect : constraints_) {
-    const std::size_t count = effect->constraints().size();
-    effect->ConstraintResiduals(state.position_m, state.sleep.asleep,
-                                std::span(lacking_).subspan(first, count));
-    first += static_cast<int>(count);
-  }
+  FindResiduals(state.position_m, state.sleep.asleep, lacking_);
   rows_off_ = false;
   for (int r = 0; r < rows_; ++r) {
     if (Sleeps(state, r) || !(-lacking_[r] > kLacks * row_[r].scale)) lacking_[r] = 0;
@@ -256,10 +260,7 @@ bool SubspaceSolver::RowsLack(const State& state) {
 }
 
 void SubspaceSolver::RegainRows(double most_m, State* state) {
-  for (const Effect* effect : constraints_) {
-    effect->ConstraintGradients(state->position_m, state->sleep.asleep, gradient_);
-  }
-  GiveToCarriers(model_, gradient_);
+  FindGradients(state->position_m, state->sleep.asleep);
   for (int r = 0; r < rows_; ++r) {
     if (lacking_[r] == 0) continue;
     const auto way = [&](int p) -> Vec3 {
@@ -286,14 +287,8 @@ void SubspaceSolver::RegainRows(double most_m, State* state) {
 void SubspaceSolver::CorrectPositions(std::span<Vec3> position_m) {
   gradients_known_ = false;
   for (int iteration = 0; iteration < kConstraintIterations && rows_ > 0; ++iteration) {
-    int first = 0;
-    for (const Effect* effect : constraints_) {
-      effect->ConstraintGradients(position_m, {}, gradient_);
-      GiveToCarriers(model_, gradient_);
-      const std::size_t count = effect->constraints().size();
-      effect->ConstraintResiduals(position_m, {}, std::span(residual_).subspan(first, count));
-      first += static_cast<int>(count);
-    }
+    FindGradients(position_m, {});
+    FindResiduals(position_m, {}, residual_);
     double worst = 0;
     for (int r = 0; r < rows_; ++r) {
       double mobility = 0;

@@ -116,6 +116,10 @@ class SubspaceSolver {
   void StoreMomenta(State* state, bool sleepers) const;
   void ProjectGroups(const State& state);
   void KickAll(const State& state);
+  // Of all rows at these positions; what sleeps (`asleep`, or empty) is left as it was.
+  void FindGradients(std::span<const Vec3> position_m, std::span<const std::uint8_t> asleep);
+  void FindResiduals(std::span<const Vec3> position_m, std::span<const std::uint8_t> asleep,
+                     std::span<double> residual) const;
   void CollectRows(const State& state);
   bool Sleeps(const State& state, int row) const {
     return state.sleep.Of(model_.body_of[row_[row].first]);

@@ -9,6 +9,7 @@
 #include "core/engine/engine.h"
 #include "core/model/diagnostics.h"
 #include "tests/support/engine_fixture.h"
+#include "tests/support/sample_scenes.h"
 #include "tests/support/test_size.h"
 #include "tests/support/tet_block.h"
 
@@ -16,33 +17,7 @@ namespace adhesim {
 namespace {
 
 using test::EngineOf;
-
-// A ball of tissue on a fixed floor under a plate that falls on it and crushes it to a third (0.3
-// kg; some forty of its tetrahedra turn inside out), or rests on it and swings (0.03 kg).
-std::string PressedBall(double rate_hz, double plate_kg, const std::string& integrator) {
-  return "rate_hz: " + std::to_string(rate_hz) + "\nintegration: {integrator: " + integrator + R"(}
-bodies:
-  - name: ball
-    icosphere: {radius_m: 0.03, subdivisions: 2}
-    tetrahedra: {cells: 5}
-    density_kg_m3: 1000
-    position_m: [0, 0, 0.0305]
-  - name: floor
-    sheet: {length_m: 0.2, width_m: 0.2, columns: 9, rows: 9}
-    mass_kg: 1
-    fixed: [all: true]
-  - name: plate
-    kind: rigid
-    block: {size_m: [0.08, 0.08, 0.02], cells: 4}
-    mass_kg: )" +
-         std::to_string(plate_kg) + R"(
-    position_m: [0, 0, 0.0715]
-effects:
-  - elasticity: {young_modulus_pa: 5000, poisson_ratio: 0.2}
-  - uniform_gravity: {}
-  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 1000}
-)";
-}
+using test::PressedBall;
 
 // Of E_ref: the most by which kinetic and elastic energy have exceeded the start's and what gravity
 // did.
@@ -62,7 +37,7 @@ double MostGained(Engine* engine, int steps) {
 TEST(ImplicitEnergy, ACrushedBallGainsNothing) {
   for (const std::string integrator : {"implicit", "newton"}) {
     for (const double plate_kg : {0.3, 0.03}) {
-      auto engine = EngineOf(PressedBall(200, plate_kg, integrator));
+      auto engine = EngineOf(PressedBall(plate_kg, integrator));
       EXPECT_LT(MostGained(engine.get(), kSanitized ? 30 : 120), 1e-6) << integrator;
       EXPECT_GT(engine->state().contacts.colliding_particles, 10);
       EXPECT_LT(MomentumBalance(engine->model(), engine->state()).linear,

@@ -10,6 +10,7 @@
 #include "tests/support/count_allocations.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/pressed_block.h"
+#include "tests/support/sample_scenes.h"
 #include "tests/support/test_size.h"
 #include "tests/support/tet_block.h"
 
@@ -17,6 +18,7 @@ namespace adhesim {
 namespace {
 
 using test::EngineOf;
+using test::kCollidingBlocks;
 using test::PressedBlock;
 
 // Of the steps of a scene in which a tool holds tissue: the force, what the solver's tolerance
@@ -184,29 +186,8 @@ TEST(ImplicitEngine, NewtonAndTheLinearStepAgreeOnThePressedForce) {
   EXPECT_LT(fine, 0.01 * newton.norm());
 }
 
-// Two blocks of tissue that fly into each other, stick, swing, and are torn apart by their motion.
-constexpr const char* kCollision = R"(
-rate_hz: 200
-bodies:
-  - name: left
-    block: {size_m: [0.04, 0.04, 0.04]}
-    tetrahedra: {cells: 3}
-    density_kg_m3: 1000
-    position_m: [-0.023, 0.004, 0]
-    velocity_m_s: [0.4, 0, 0]
-  - name: right
-    block: {size_m: [0.04, 0.04, 0.04]}
-    tetrahedra: {cells: 4}
-    density_kg_m3: 1000
-    position_m: [0.023, -0.004, 0.003]
-    velocity_m_s: [-0.4, 0, 0.1]
-effects:
-  - elasticity: {young_modulus_pa: 3000, poisson_ratio: 0.4}
-  - virtual_adhesive: {capture_distance_m: 0.002, normal_strength_pa: 150, shear_strength_pa: 150}
-)";
-
 TEST(ImplicitEngine, CaptureAndReleaseConserveMomentum) {
-  auto engine = EngineOf(kCollision);
+  auto engine = EngineOf(kCollidingBlocks);
   int captures = 0, releases = 0;
   for (int k = 0; k < 200; ++k) {
     const StepReport report = engine->Step({});
@@ -223,9 +204,9 @@ TEST(ImplicitEngine, CaptureAndReleaseConserveMomentum) {
 
 TEST(ImplicitEngine, ASceneMayAskForTheExplicitStep) {
   const std::string scene =
-      std::string("integration: {integrator: INTEGRATOR_EXPLICIT}") + kCollision;
+      std::string("integration: {integrator: INTEGRATOR_EXPLICIT}") + kCollidingBlocks;
   auto explicit_engine = EngineOf(scene);
-  auto implicit_engine = EngineOf(kCollision);
+  auto implicit_engine = EngineOf(kCollidingBlocks);
   EXPECT_GT(explicit_engine->substeps(), 1);
   EXPECT_EQ(implicit_engine->substeps(), 1);
   EXPECT_TRUE(explicit_engine->state().velocity_change_m_s.empty());

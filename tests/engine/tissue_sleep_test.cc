@@ -86,6 +86,34 @@ TEST(SleepingTissue, AnswersLikeTissueThatNeverSlept) {
   EXPECT_GT(bar_n, 0);  // bars are there again once it is awake
 }
 
+// Through honey tissue sinks for seconds, slower than is asked for: by its speed alone it would
+// fall asleep half way down, at half of its elastic energy.
+TEST(SleepingTissue, CreepsToItsBalanceBeforeItSleeps) {
+  const auto honey = [](const std::string& sleep) {
+    return EngineOf(R"(
+rate_hz: 200
+bodies:
+  - {name: a, block: {size_m: [0.04, 0.04, 0.04]}, tetrahedra: {cells: 2}, density_kg_m3: 1000,
+     fixed: [half_space: {point_m: [0, 0, -0.0199], normal: [0, 0, 1]}]}
+effects:
+  - elasticity: {young_modulus_pa: 1000, poisson_ratio: 0.4}
+  - uniform_gravity: {}
+  - drag: {rate_per_s: 2000}
+)" + sleep);
+  };
+  auto sleeps = honey(kSleep), never = honey("");
+  const int steps = 2000;
+  StepMany(never.get(), steps);
+  int awake = 0;
+  while (sleeps->state().sleep.bodies == 0 && awake < steps) {
+    sleeps->Step({});
+    ++awake;
+  }
+  EXPECT_LT(awake, steps);
+  const double elastic_j = never->state().ledger.elastic_j;
+  EXPECT_NEAR(sleeps->state().ledger.elastic_j, elastic_j, 0.05 * elastic_j);
+}
+
 TEST(SleepingTissue, BooksWhatItTakes) {
   auto engine = EngineOf(Blocks(kSleep));
   StepMany(engine.get(), kEnd);

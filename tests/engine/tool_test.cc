@@ -274,6 +274,57 @@ effects:
       0);
 }
 
+// 50 g at 2 m/s that meet 0.5 kg, by 2 mm a step: where it starts decides whether it is near enough
+// to catch before a step, or is caught by the look at where the step would lead.
+TEST(Tools, AreSlowedByWhatTheyCatchWheneverTheyCatchIt) {
+  for (const char* z : {"0.0600", "0.0605", "0.0610", "0.0615"}) {
+    SCOPED_TRACE(z);
+    const std::string start = std::string("[0.001, 0.002, ") + z + "]";
+    auto engine = EngineOf(R"(
+rate_hz: 1000
+integration: {max_substeps: 1}
+bodies:
+  - {name: block, kind: rigid, block: {size_m: [0.04, 0.04, 0.04], cells: 2}, mass_kg: 0.5}
+tools:
+  - name: needle
+    needle: {}
+    position_m: )" + start +
+                           R"(
+    coupling: {mass_kg: 0.05, max_speed_m_s: 2, max_force_n: 20}
+    adhesion: {normal_strength_pa: 1e9}
+    trajectory:
+      - {t_s: 0, position_m: )" +
+                           start + R"(}
+      - {t_s: 0.05, position_m: [0.001, 0.002, -0.04]}
+effects:
+  - virtual_adhesive: {capture_distance_m: 0.001}
+)");
+    const Model& model = engine->model();
+    Vec3 given = Vec3::Zero();
+    double peak_n = 0, fastest_m_s = 0, impact_ns = 0;
+    for (int step = 0; step < 60; ++step) {
+      engine->Step({});
+      const ToolState& tool = engine->state().tools[0];
+      given += model.dt_s * tool.coupling.force_n;
+      peak_n = std::max(peak_n, tool.tissue.force_n.norm());
+      fastest_m_s = std::max(fastest_m_s, tool.twist.linear_m_s.norm());
+      impact_ns = std::max(impact_ns, engine->CaptureImpulse(0));
+    }
+    EXPECT_GT(fastest_m_s, 1.8);
+    EXPECT_FALSE(engine->state().contacts.zones.empty());
+    // What it loses in a plastic impact is less than its own momentum, 0.1 N s; its coupling adds
+    // 20 N at most.
+    EXPECT_LT(peak_n, 0.1 / model.dt_s + 20);
+    EXPECT_GT(impact_ns, 0.05);
+    EXPECT_LT(impact_ns, 0.1);
+    Vec3 momentum = 0.05 * engine->state().tools[0].twist.linear_m_s;
+    for (int p = 0; p < model.particle_count(); ++p)
+      momentum += model.mass_kg[p] * engine->state().velocity_m_s[p];
+    // Of 0.1 N s, however it was caught: what the turn of a step leaves, to second order.
+    EXPECT_LT((momentum - given).norm(), 1e-4);
+  }
+}
+
 TEST(Tools, ARetractedToolLetsGoOfEverything) {
   auto engine = EngineOf(NeedleScene(kPressAndPull));
   StepMany(engine.get(), 400);

@@ -72,6 +72,25 @@ TEST(ValidateScene, WarnsOfTetrahedraThatNothingHoldsTogether) {
   EXPECT_EQ(problems("effects:\n  - elasticity: {young_modulus_pa: 1000}\n"), "");
 }
 
+TEST(ValidateScene, WarnsOfVolumePreservationThatActsOnNoTissue) {
+  const auto problems = [](const std::string& more, const std::string& bodies) {
+    const SceneFile file = ParseScene(
+        "effects:\n  - volume_preservation: {" + bodies +
+            "}\n  - elasticity: {young_modulus_pa: 1000}\nbodies:\n"
+            "  - {name: a, block: {size_m: [1, 1, 1]}, tetrahedra: {cells: 2}, mass_kg: 1}\n" +
+            more,
+        "kept.yaml", "");
+    EXPECT_TRUE(file.ok());
+    return file.Format(file.problems);
+  };
+  EXPECT_THAT(problems("", ""),
+              HasSubstr("2:5: warning: effects[0].volume_preservation: acts on nothing"));
+  EXPECT_EQ(problems("", "bodies: [a]"), "");
+  EXPECT_EQ(problems("  - {name: b, icosphere: {radius_m: 1}, mass_kg: 1}\n", ""), "");
+  const std::string rigid = "  - {name: b, icosphere: {radius_m: 1}, mass_kg: 1, kind: rigid}\n";
+  EXPECT_THAT(problems(rigid, ""), HasSubstr("warning"));
+}
+
 TEST(ValidateScene, RefusesARegionOfAllThatIsNot) {
   v1::Scene scene = Sample();
   v1::Elasticity* elasticity = scene.add_effects()->mutable_elasticity();
