@@ -105,16 +105,7 @@ void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s
     IterateNewton(groups, dt_s, state, parallel, report);
   }
   for (int k = 0; k < kBalances; ++k) {
-    if (k == 0) {
-      for (std::size_t p = 0; p < direction_.size(); ++p) {
-        direction_[p] = Padded{};
-        if (system_.active(static_cast<int>(p))) direction_[p].Set(velocity_m_s_[p]);
-      }
-      system_.Multiply(direction_, product_, parallel);
-      system_.BalanceWork(direction_, product_, change_m_s_, residual_ns_, parallel);
-    } else {
-      system_.Balance(change_m_s_, residual_ns_);
-    }
+    system_.Balance(change_m_s_, residual_ns_);
     residual_sq_ = NewtonResidual(dt_s, state, parallel);
   }
   if (!std::isfinite(residual_sq_)) {

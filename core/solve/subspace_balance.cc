@@ -8,7 +8,7 @@
 namespace adhesim {
 namespace {
 
-// Of u.A u: with less than this beside translations and turns there is no motion but round-off.
+// Of u.A u: with less than this beside translations there is no motion but round-off.
 constexpr double kNoMotion = 1e-12;
 
 }  // namespace
@@ -96,32 +96,19 @@ void SubspaceSystem::FindHolds(std::span<const RigidGroup> groups) {
   }
 }
 
-// First turns, where they are free; for what is free all over with the part of u that strains it,
-// as both share a product. A turn strains nothing to first order, so that A of it is taken for that
-// of inertia to find the parts; and then as much of them together as serves best. Then u itself.
+// First turns, then u itself. What is free as a whole has nothing left to be pushed along.
 void SubspaceSystem::BalanceWork(std::span<Padded> u, std::span<Padded> au, std::span<Padded> x,
                                  std::span<Padded> r, Parallel* parallel) {
-  if (MeasureTurns(au, r)) {
-    MeasureWork(u, au, r);
-    for (std::size_t body = 0; body < wholes_.size(); ++body) {
-      Whole& whole = wholes_[body];
-      if (component_[body] == static_cast<int>(body) && !whole.hold.locked()) {
-        FindTurn(stiffness_sum_[body], &whole);
-      }
-    }
-    AddTurns(u, au, x, r, parallel);
-  }
+  if (MeasureTurns(r)) AddTurns(u, au, x, r, parallel);
   MeasureWork(u, au, r);
   for (std::size_t body = 0; body < wholes_.size(); ++body) {
-    Whole& whole = wholes_[body];
-    if (component_[body] != static_cast<int>(body) || whole.hold.free()) continue;
-    whole.part = PartOf(stiffness_sum_[body], &whole);
+    if (component_[body] == static_cast<int>(body)) FindPart(stiffness_sum_[body], &wholes_[body]);
   }
   for (int p = 0; p < model_.particle_count(); ++p) {
-    const Whole& whole = WholeOf(p);
-    if (!active_[p] || whole.hold.free()) continue;
-    x[p].Set(x[p].vec() + whole.part * u[p].vec());
-    r[p].Set(r[p].vec() - whole.part * au[p].vec());
+    if (!active_[p]) continue;
+    const double part = WholeOf(p).part;
+    x[p].Set(x[p].vec() + part * u[p].vec());
+    r[p].Set(r[p].vec() - part * au[p].vec());
   }
   Balance(x, r);
 }
@@ -129,7 +116,7 @@ void SubspaceSystem::BalanceWork(std::span<Padded> u, std::span<Padded> au, std:
 void SubspaceSystem::MeasureWork(std::span<const Padded> u, std::span<const Padded> au,
                                  std::span<const Padded> r) {
   for (Whole& whole : wholes_) {
-    whole.work = whole.curvature = whole.part = 0;
+    whole.work = whole.curvature = 0;
     whole.residual.setZero();
     whole.product.setZero();
   }
@@ -154,12 +141,12 @@ void SubspaceSystem::ForEachTurning(const Visit& visit) {
 }
 
 // False: nothing turns.
-bool SubspaceSystem::MeasureTurns(std::span<const Padded> au, std::span<const Padded> r) {
+bool SubspaceSystem::MeasureTurns(std::span<const Padded> r) {
   const auto turns = [](const Whole& whole) { return !whole.hold.locked(); };
   if (std::none_of(wholes_.begin(), wholes_.end(), turns)) return false;
   for (Whole& whole : wholes_) {
     whole.mass_kg = 0;
-    for (Vec3* sum : {&whole.torque, &whole.product_torque}) sum->setZero();
+    whole.turn.setZero();
     whole.spread.setZero();
   }
   // About the first, for what is far from the world's origin.
@@ -177,44 +164,31 @@ bool SubspaceSystem::MeasureTurns(std::span<const Padded> au, std::span<const Pa
   ForEachTurning([&](int p, Whole& whole) {
     const Vec3 arm = position_m_[p] - whole.centre_m;
     whole.spread += model_.mass_kg[p] * arm * arm.transpose();
-    whole.torque += arm.cross(r[p].vec());
-    whole.product_torque += arm.cross(au[p].vec());
+    whole.turn += arm.cross(r[p].vec());
   });
+  for (Whole& whole : wholes_) whole.turn = whole.hold.InverseInertia(whole.spread) * whole.turn;
   return true;
 }
 
 // The part of u that brings r.A^-1 r down most, all translations of what is loose beside it.
-double SubspaceSystem::PartOf(const Mat3& stiffness_sum, Whole* whole) {
-  whole->drift.setZero();
+void SubspaceSystem::FindPart(const Mat3& stiffness_sum, Whole* whole) {
+  whole->part = 0;
+  if (whole->hold.free()) return;
+  Vec3 drift = Vec3::Zero();
   if (stiffness_sum.trace() > 0) {
-    whole->drift = (0.5 * (stiffness_sum + stiffness_sum.transpose())).inverse() * whole->product;
+    drift = (0.5 * (stiffness_sum + stiffness_sum.transpose())).inverse() * whole->product;
   }
-  const double curvature = whole->curvature - whole->product.dot(whole->drift);
-  const double work = whole->work - whole->residual.dot(whole->drift);
-  return curvature > kNoMotion * whole->curvature ? work / curvature : 0;
+  const double curvature = whole->curvature - whole->product.dot(drift);
+  if (!(curvature > kNoMotion * whole->curvature)) return;
+  whole->part = (whole->work - whole->residual.dot(drift)) / curvature;
 }
 
-// The turn that the torque asks for, and of what is free the part of u without its own turn.
-void SubspaceSystem::FindTurn(const Mat3& stiffness_sum, Whole* whole) {
-  const Mat3 inverse_inertia = whole->hold.InverseInertia(whole->spread);
-  whole->turn = inverse_inertia * whole->torque;
-  if (!whole->hold.free()) return;
-  const Vec3 turn = inverse_inertia * whole->product_torque;
-  const double all = whole->curvature;
-  whole->curvature -= whole->product_torque.dot(turn);
-  whole->work -= whole->torque.dot(turn);
-  const double part = PartOf(stiffness_sum, whole);
-  if (!(whole->curvature > kNoMotion * all)) return;
-  whole->part = part;
-  whole->turn -= part * turn;
-}
-
+// The turn that the torque asks for, and of it as much as brings r.A^-1 r down most.
 void SubspaceSystem::AddTurns(std::span<Padded> u, std::span<Padded> au, std::span<Padded> x,
                               std::span<Padded> r, Parallel* parallel) {
   std::fill(p_.begin(), p_.end(), Padded{});
   ForEachTurning([&](int p, const Whole& whole) {
-    p_[p].Set(whole.part * (u[p].vec() - whole.drift) +
-              whole.turn.cross(position_m_[p] - whole.centre_m));
+    p_[p].Set(whole.turn.cross(position_m_[p] - whole.centre_m));
   });
   Multiply(p_, ap_, parallel);
   for (Whole& whole : wholes_) whole.work = whole.curvature = 0;

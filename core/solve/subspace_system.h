@@ -64,10 +64,10 @@ class SubspaceSystem {
   // to zero there: x += Z (Z^T A Z)^-1 Z^T r, Z its translations. Whatever tolerance the solve had,
   // momentum is then balanced to round-off; and in free fall this is the solution.
   void Balance(std::span<Padded> x, std::span<Padded> r) const;
-  // The same, and what is left open does no work: r.u = 0 for the velocities u of each component,
-  // and, to first order in the strain, no torque about what it can turn about as a whole (its
-  // centre of mass, a point or an axis that is held). Backward Euler of linear forces changes the
-  // energy by
+  // The same, and what is left open does no work: no torque, to first order in the strain, about
+  // what a component can turn about as a whole (its centre of mass, a point or an axis that is
+  // held), and r.u = 0 for the velocities u of what is not free. Backward Euler of linear forces
+  // changes the energy by
   //   -1/2 |dv|_M^2 - 1/2 dt^2 u.K u - r.u:
   // it only loses then, whatever tolerance the solve had, where a residual would else push stiff
   // bodies on or spin them up. u, and A u of what is active, are those at x and are not kept. Costs
@@ -95,16 +95,13 @@ class SubspaceSystem {
     double work = 0, curvature = 0;  // r.u and u.A u
     Vec3 residual = Vec3::Zero();    // sums of r and of A u over what is loose
     Vec3 product = Vec3::Zero();
-    // Of what turns: moments of both about the centre of mass, or what is held.
-    Vec3 torque = Vec3::Zero();
-    Vec3 product_torque = Vec3::Zero();
+    double part = 0;  // of u, to be added
+    // Of what turns, about the centre of mass or what is held.
+    Vec3 turn = Vec3::Zero();  // rad/s to be added; the torque of r before
     double mass_kg = 0;
     Vec3 origin_m = Vec3::Zero();
     Vec3 centre_m = Vec3::Zero();
     Mat3 spread = Mat3::Zero();  // sum of m r r^T
-    // What is added: part (u - drift) and a turn.
-    double part = 0;
-    Vec3 drift = Vec3::Zero(), turn = Vec3::Zero();
   };
   struct ZoneInverse {
     int zone;
@@ -121,9 +118,8 @@ class SubspaceSystem {
   void ForEachTurning(const Visit& visit);
   void MeasureWork(std::span<const Padded> u, std::span<const Padded> au,
                    std::span<const Padded> r);
-  bool MeasureTurns(std::span<const Padded> au, std::span<const Padded> r);
-  static double PartOf(const Mat3& stiffness_sum, Whole* whole);
-  static void FindTurn(const Mat3& stiffness_sum, Whole* whole);
+  bool MeasureTurns(std::span<const Padded> r);
+  static void FindPart(const Mat3& stiffness_sum, Whole* whole);
   void AddTurns(std::span<Padded> u, std::span<Padded> au, std::span<Padded> x, std::span<Padded> r,
                 Parallel* parallel);
   // x += alpha p, r -= alpha ap, z = P^-1 r of free particles; returns r.z with the zones'.
