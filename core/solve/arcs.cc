@@ -1,6 +1,5 @@
 #include "core/solve/arcs.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 
 #include "core/solve/rigid_group.h"
@@ -10,18 +9,33 @@ namespace {
 
 // rad in a step: below it, what is left out is less than rounded positions are.
 constexpr double kLeastAngle = 1e-7;
-constexpr double kRank = 1e-6;  // of inertias: on a line, nothing can be said of turning about it
 
 }  // namespace
 
 Arcs::Arcs(const Model& model) : model_(model) {
   for (const Body& body : model.bodies) {
-    bool free = body.tetrahedron_count > 0 && !body.rigid;
-    for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
-      free = free && !model.fixed[p];
-    }
-    of_.push_back({free, false, Vec3::Zero(), Mat3::Zero()});
+    const bool tissue = body.tetrahedron_count > 0 && !body.rigid;
+    of_.push_back({tissue, false, Vec3::Zero(), Mat3::Zero()});
   }
+}
+
+// Of a body; `about`: a particle that it turns about, if something is held.
+Hold Arcs::HoldOf(const Body& body, const State& state, int* about) const {
+  Hold hold;
+  bool driven = false, pinned = false;
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p) {
+    const int zone = state.contacts.zone_of[p];
+    const bool by_tool = zone >= 0 && state.contacts.zones[zone].tool >= 0;
+    const bool by_pin = model_.fixed[p] || (zone >= 0 && state.contacts.zones[zone].pins > 0);
+    if (!by_tool && !by_pin) continue;
+    if (hold.free()) *about = p;
+    if (by_pin || hold.free()) hold.Add(state.position_m[p]);
+    driven = driven || by_tool;
+    pinned = pinned || by_pin;
+    if (driven && pinned) hold.Lock();
+    if (hold.locked()) break;
+  }
+  return hold;
 }
 
 void Arcs::Update(const State& state, double dt_s) {
@@ -29,11 +43,14 @@ void Arcs::Update(const State& state, double dt_s) {
   for (std::size_t b = 0; b < of_.size(); ++b) {
     Arc& arc = of_[b];
     arc.turns = false;
-    if (!arc.free || state.sleep.Of(static_cast<int>(b))) continue;
+    if (!arc.tissue || state.sleep.Of(static_cast<int>(b))) continue;
     const int first = model_.bodies[b].first_particle;
     const int end = first + model_.bodies[b].particle_count;
-    // About the first particle, so that far from the origin nothing is lost.
-    const Vec3 &origin = state.position_m[first], &along = state.velocity_m_s[first];
+    // About what is held, or the first particle: far from the origin nothing is lost.
+    int about = first;
+    const Hold hold = HoldOf(model_.bodies[b], state, &about);
+    if (hold.locked()) continue;
+    const Vec3 &origin = state.position_m[about], &along = state.velocity_m_s[about];
     double mass = 0;
     Vec3 centre = Vec3::Zero(), momentum = Vec3::Zero(), moment = Vec3::Zero();
     Mat3 spread = Mat3::Zero();
@@ -46,13 +63,14 @@ void Arcs::Update(const State& state, double dt_s) {
       moment += m * r.cross(v);
       spread += m * r * r.transpose();
     }
-    centre /= mass;
-    moment -= centre.cross(momentum);
-    spread -= mass * centre * centre.transpose();
-    const Mat3 inertia = spread.trace() * Mat3::Identity() - spread;
-    const double size = inertia.trace() / 3;
-    if (!(inertia.determinant() > kRank * size * size * size)) continue;
-    const Vec3 w = inertia.inverse() * moment;
+    if (hold.free()) {
+      centre /= mass;
+      moment -= centre.cross(momentum);
+      spread -= mass * centre * centre.transpose();
+    } else {
+      centre.setZero();
+    }
+    const Vec3 w = hold.InverseInertia(spread) * moment;
     if (!(dt_s * w.norm() > kLeastAngle)) continue;
     arc.turns = true;
     widest_rad_ = std::max(widest_rad_, dt_s * w.norm());

@@ -4,10 +4,11 @@
 
 #include "core/model/model.h"
 #include "core/model/state.h"
+#include "core/solve/rigid_group.h"
 
 namespace adhesim {
 
-// By how much the particles of free bodies that turn leave their tangents in a step.
+// By how much the particles of bodies that turn as a whole leave their tangents in a step.
 //
 // A particle moves on a straight line in a step, and what a linear step knows of forces at its end
 // is f - dt K v. A body that turns as a whole by the angle a = dt |w| would lie on its tangents
@@ -16,8 +17,10 @@ namespace adhesim {
 // tolerance leaves of such forces feeds itself. So the equation is written for the velocity
 // less what the arc adds to it,
 //   v - c,  c_i = ((R - 1) / dt - [w]) (x_i - x_c),  R the rotation by dt w,
-// which strains nothing where the body just turns. w is that of the body's angular momentum.
-// Zones and tools turn on arcs by themselves; bodies with fixed particles do not turn as a whole.
+// which strains nothing where the body just turns. w is that of the body's angular momentum: about
+// its centre of mass where it is free, else about what holds it (fixed particles, zones with pins,
+// tools) where that leaves a turn: about a point, an axis, or a tool's first member.
+// Zones and tools turn on arcs by themselves.
 //
 // Allocates at construction only.
 class Arcs {
@@ -25,19 +28,27 @@ class Arcs {
   explicit Arcs(const Model& model);
 
   void Update(const State& state, double dt_s);
-  // The widest turn of a free body in the step, rad.
+  // The widest turn of a body in the step, rad.
   double widest_rad() const { return widest_rad_; }
   // c of a particle at x, m/s.
   Vec3 At(int body, const Vec3& x) const {
     return of_[body].turns ? Vec3(of_[body].bend * (x - of_[body].centre_m)) : Vec3::Zero();
   }
+  // What v on the way to x at the end of the step lacks to the tangent there, but for a
+  // translation: the same way back.
+  Vec3 AtEnd(int body, const Vec3& x) const {
+    return of_[body].turns ? Vec3(of_[body].bend.transpose() * (x - of_[body].centre_m))
+                           : Vec3::Zero();
+  }
 
  private:
   struct Arc {
-    bool free, turns;
+    bool tissue, turns;
     Vec3 centre_m;
     Mat3 bend;  // 1/s
   };
+  Hold HoldOf(const Body& body, const State& state, int* about) const;
+
   const Model& model_;
   std::vector<Arc> of_;  // [#bodies]
   double widest_rad_ = 0;

@@ -17,13 +17,19 @@ constexpr int kBalances = 3;         // each leaves some hundredths of what mome
 
 }  // namespace
 
-// r = dt f(x_n + dt v, v) - M (v - v_n) of the velocities tried, and its norm.
+// r = dt f(x_n + dt v, v) - M (v - v_n) of the velocities tried, and its norm. Damping is that of
+// the tangents at the end: on chords a body that just turns would be taken to grow, and be pressed
+// together.
 double ImplicitSolver::NewtonResidual(double dt_s, const State& state, Parallel* parallel) {
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
     velocity_m_s_[p] = prescribed_m_s_[p].vec() + change_m_s_[p].vec();
     position_m_[p] = state.position_m[p] + dt_s * velocity_m_s_[p];
+    if (!damped_m_s_.empty()) {
+      damped_m_s_[p] = velocity_m_s_[p] + arcs_.AtEnd(model_.body_of[p], position_m_[p]);
+    }
   }
-  EvaluateStiff({position_m_, velocity_m_s_, state.time_s, effect_state_, parallel, near_, true});
+  const std::span<const Vec3> damped = damped_m_s_.empty() ? velocity_m_s_ : damped_m_s_;
+  EvaluateStiff({position_m_, damped, state.time_s, effect_state_, parallel, near_, true});
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;

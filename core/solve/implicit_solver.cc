@@ -56,6 +56,7 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
   }
   explicit_n_.assign(n, Vec3::Zero());
   for (auto* array : {&newton_, &last_residual_ns_}) array->assign(n, Padded{});
+  if (damps_) damped_m_s_.assign(n, Vec3::Zero());
   if (!rows_.empty()) without_rows_m_s_.assign(n, Padded{});
   for (auto* array : {&prescribed_m_s_, &change_m_s_, &residual_ns_, &direction_, &product_}) {
     array->assign(n, Padded{});
@@ -101,7 +102,7 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
                       effect_state_,    parallel,           near,
                       /*trial=*/true};
   by_newton_ = model_.integrator == Integrator::kNewton;
-  if (!by_newton_) arcs_.Update(state, dt_s);
+  arcs_.Update(state, dt_s);
   if (++assembled_ago_ >= effort_.stiffness_every || assembled_dt_s_ != dt_s ||
       arcs_.widest_rad() > kMostTurned) {
     Assemble(in, dt_s);
@@ -139,8 +140,13 @@ void ImplicitSolver::Prescribe(const State& state, std::span<const RigidGroup> g
     const int zone = state.contacts.zone_of[p];
     arc_m_s_[p].setZero();
     if (system_.active(static_cast<int>(p))) {
-      if (zone < 0 && !by_newton_) arc_m_s_[p] = arcs_.At(model_.body_of[p], state.position_m[p]);
-      prescribed_m_s_[p].Set(state.velocity_m_s[p] - arc_m_s_[p]);
+      Vec3 start = state.velocity_m_s[p];
+      if (zone < 0 && !by_newton_) {
+        const Vec3& x = state.position_m[p];
+        arc_m_s_[p] = arcs_.At(model_.body_of[p], x);
+        start += arcs_.AtEnd(model_.body_of[p], x);
+      }
+      prescribed_m_s_[p].Set(start);
     } else if (zone >= 0 && groups[zone].driven() && !model_.fixed[p]) {
       prescribed_m_s_[p].Set(groups[zone].VelocityAt(state.position_m[p]));
     } else {
@@ -228,8 +234,9 @@ void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* p
   for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(model_.mass_kg[p] * prescribed_m_s_[p].vec() + dt_s * start_total_n_[p] +
-                        rows_.ImpulseOn(static_cast<int>(p)) - product_[p].vec());
+    residual_ns_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
+                        dt_s * start_total_n_[p] + rows_.ImpulseOn(static_cast<int>(p)) -
+                        product_[p].vec());
   }
 }
 
@@ -244,8 +251,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
       system_.Solve(std::max(effort_.tolerance * scale, round_off_), model_.max_iterations,
                     change_m_s_, residual_ns_, parallel);
   iterations_ = result.iterations;
-  system_.BalanceTurns(change_m_s_, residual_ns_, parallel);
-  system_.Balance(change_m_s_, residual_ns_);
+  BalanceLinear(dt_s, state, parallel);
   if (!rows_.empty()) {
     MeetRows(dt_s, state, parallel, report);
     LinearResidual(dt_s, state, parallel);
@@ -257,6 +263,20 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
   if (!std::isfinite(residual_sq_)) {
     for (Padded& change : change_m_s_) change.v[0] = std::numeric_limits<double>::quiet_NaN();
   }
+}
+
+// A u of what can move is what the equation asks for, less what is open and what is held: no
+// product.
+void ImplicitSolver::BalanceLinear(double dt_s, const State& state, Parallel* parallel) {
+  for (std::size_t p = 0; p < direction_.size(); ++p) {
+    direction_[p] = product_[p] = Padded{};
+    if (!system_.active(static_cast<int>(p))) continue;
+    direction_[p].Set(prescribed_m_s_[p].vec() + change_m_s_[p].vec());
+    product_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
+                    dt_s * start_total_n_[p] - residual_ns_[p].vec());
+  }
+  system_.SubtractHeld(prescribed_m_s_, product_);
+  system_.BalanceWork(direction_, product_, change_m_s_, residual_ns_, parallel);
 }
 
 // The worst row's relative error where the velocities found lead.
@@ -292,7 +312,10 @@ void ImplicitSolver::MeetRows(double dt_s, const State& state, Parallel* paralle
 void ImplicitSolver::StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
                                          Parallel* parallel) {
   for (std::size_t p = 0; p < direction_.size(); ++p) {
+    const Vec3 turned = prescribed_m_s_[p].vec() - state.velocity_m_s[p] + arc_m_s_[p];
     direction_[p].Set(state.velocity_change_m_s[p]);
+    if (system_.active(static_cast<int>(p)))
+      direction_[p].Set(state.velocity_change_m_s[p] - turned);
   }
   system_.Project(state, groups, direction_);
   const double curvature = system_.Multiply(direction_, product_, parallel);

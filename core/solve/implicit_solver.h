@@ -105,6 +105,7 @@ class ImplicitSolver {
   void LinearResidual(double dt_s, const State& state, Parallel* parallel);
   void SolveLinear(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
+  void BalanceLinear(double dt_s, const State& state, Parallel* parallel);
   void StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
                            Parallel* parallel);
   void SolveNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
@@ -150,10 +151,13 @@ class ImplicitSolver {
   std::vector<double> effect_state_;
   Arcs arcs_;
   std::vector<Vec3> arc_m_s_;  // linear steps: c, see Arcs; 0 where zones turn by themselves
-  std::vector<Padded> prescribed_m_s_;  // v_n - c; what is held: its velocity to come
-  std::vector<Padded> change_m_s_;      // the unknown: v_{n+1} - c - prescribed_m_s_
+  // Where the search starts: v_n, in linear steps on the tangent at x_n, so that what just turns
+  // has no strain in it. What is held: its velocity to come.
+  std::vector<Padded> prescribed_m_s_;
+  std::vector<Padded> change_m_s_;  // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
+  std::vector<Vec3> damped_m_s_;                   // Newton with damping only
   std::vector<Padded> without_rows_m_s_;           // Newton with rows only
 };
 

@@ -1,6 +1,7 @@
 #include "core/solve/rigid_group.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -11,6 +12,8 @@ namespace {
 // tell.
 constexpr double kRank = 1e-12;
 constexpr double kIllConditioned = 1e-4;
+constexpr double kLine = 1e-6;                 // of an inertia, where all axes are asked for
+constexpr double kOnAxis = 1e-6;               // rad
 constexpr double kAnglePerSubRotation = 0.25;  // rad; Newton then converges in 3 to 5 iterations
 constexpr int kMaxSubRotations = 64;
 
@@ -55,6 +58,31 @@ Vec3 MidpointAngularVelocity(const Mat3& inverse_inertia, double dt_s, Vec3* pi)
 Quat RotationStep(const Vec3& angular_rad_s, double dt_s) {
   const Vec3 half = 0.5 * dt_s * angular_rad_s;
   return Quat(1, half.x(), half.y(), half.z()).normalized();
+}
+
+void Hold::Add(const Vec3& x) {
+  const Vec3 way = x - point_m;
+  if (points == 0) {
+    point_m = x;
+    points = 1;
+  } else if (points == 1 && !way.isZero()) {
+    axis = way.normalized();
+    points = 2;
+  } else if (points == 2 && way.cross(axis).norm() > kOnAxis * way.norm()) {
+    Lock();
+  }
+}
+
+Mat3 Hold::InverseInertia(const Mat3& spread_kg_m2) const {
+  const Mat3 inertia = spread_kg_m2.trace() * Mat3::Identity() - spread_kg_m2;
+  const double size = inertia.trace() / 3;
+  if (points < 2) {
+    const bool turns = inertia.determinant() > kLine * size * size * size;
+    return turns ? Mat3(inertia.inverse()) : Mat3(Mat3::Zero());
+  }
+  const double about = axis.dot(inertia * axis);
+  const bool turns = !locked() && about > kLine * size;
+  return turns ? Mat3(axis * axis.transpose() / about) : Mat3(Mat3::Zero());
 }
 
 RigidGroup RigidGroup::Of(std::span<const std::int32_t> members, std::span<const Vec3> position_m,

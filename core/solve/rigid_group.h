@@ -11,6 +11,22 @@ namespace adhesim {
 // rotates by it, tools included.
 Quat RotationStep(const Vec3& angular_rad_s, double dt_s);
 
+// What is left to turn about of something rigid of which points are held: any axis through its
+// centre (none is held), any through a point, one, or nothing.
+struct Hold {
+  int points = 0;  // different ones: 0, 1, 2 on the axis, 3 nothing turns
+  Vec3 point_m = Vec3::Zero();
+  Vec3 axis = Vec3::Zero();
+
+  void Add(const Vec3& x);
+  void Lock() { points = 3; }
+  bool free() const { return points == 0; }
+  bool locked() const { return points == 3; }
+  // The angular velocity per moment about the point, from the sum of m r r^T about it; 0 where
+  // particles lie so nearly on a line that nothing can be said of turning about it.
+  Mat3 InverseInertia(const Mat3& spread_kg_m2) const;
+};
+
 // The possible motions of the particles of one zone, and the inertia they have in them.
 //
 // q = (V, W) is the twist about `pivot`; v_i = V + W x (x_i - pivot). Nobody holds it: pivot is the

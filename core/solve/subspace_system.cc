@@ -68,7 +68,7 @@ SubspaceSystem::SubspaceSystem(const Model& model, const BlockMatrix& matrix)
   component_.assign(model.bodies.size(), 0);
   stiffness_sum_.assign(model.bodies.size(), Mat3::Zero());
   balance_.assign(model.bodies.size(), Vec3::Zero());
-  turns_.resize(model.bodies.size());
+  wholes_.resize(model.bodies.size());
   zones_.reserve(n);
   chunk_sum_.assign((n + kChunk - 1) / kChunk, 0);
   for (auto* array : {&p_, &ap_, &z_}) array->assign(n, Padded{});
@@ -191,6 +191,16 @@ Vec3 SubspaceSystem::MultiplyRow(int row, std::span<const Padded> x) const {
     sum += matrix_.At(k) * x[matrix_.column()[k]].vec();
   }
   return sum;
+}
+
+void SubspaceSystem::SubtractHeld(std::span<const Padded> x, std::span<Padded> y) const {
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    if (active_[p] || (x[p].v[0] == 0 && x[p].v[1] == 0 && x[p].v[2] == 0)) continue;
+    for (int k = matrix_.row_start()[p]; k < matrix_.row_start()[p + 1]; ++k) {
+      const int q = matrix_.column()[k];
+      if (active_[q]) y[q].Set(y[q].vec() - matrix_.At(k).transpose() * x[p].vec());
+    }
+  }
 }
 
 // Members get their zone's answer, and the zone's share of r.z goes to the first chunk.

@@ -64,10 +64,18 @@ class SubspaceSystem {
   // to zero there: x += Z (Z^T A Z)^-1 Z^T r, Z its translations. Whatever tolerance the solve had,
   // momentum is then balanced to round-off; and in free fall this is the solution.
   void Balance(std::span<Padded> x, std::span<Padded> r) const;
-  // The same for turns about the centre of mass, of groups of which nothing is held. To first order
-  // in the strain angular momentum is balanced, then, at any tolerance; stiff bodies would else be
-  // spun up by what is left of their forces. Costs a product.
-  void BalanceTurns(std::span<Padded> x, std::span<Padded> r, Parallel* parallel);
+  // The same, and what is left open does no work: no torque, to first order in the strain, about
+  // what a component can turn about as a whole (its centre of mass, a point or an axis that is
+  // held), and r.u = 0 for the velocities u of what is not free. Backward Euler of linear forces
+  // changes the energy by
+  //   -1/2 |dv|_M^2 - 1/2 dt^2 u.K u - r.u:
+  // it only loses then, whatever tolerance the solve had, where a residual would else push stiff
+  // bodies on or spin them up. u, and A u of what is active, are those at x and are not kept. Costs
+  // a product where something turns.
+  void BalanceWork(std::span<Padded> u, std::span<Padded> au, std::span<Padded> x,
+                   std::span<Padded> r, Parallel* parallel);
+  // y -= A x in the active rows, x of what is not active.
+  void SubtractHeld(std::span<const Padded> x, std::span<Padded> y) const;
   // The sum of f.A_ii^-1 f over all particles, whether they can move or not.
   double DiagonalNormSq(std::span<const Vec3> f) const;
   const Mat3& inverse_diagonal(int p) const { return inverse_diagonal_[p]; }
@@ -82,14 +90,18 @@ class SubspaceSystem {
                Parallel* parallel);
 
  private:
-  struct Turn {  // of a component as a whole
-    bool free = false;
+  struct Whole {  // a component
+    Hold hold;
+    double work = 0, curvature = 0;  // r.u and u.A u
+    Vec3 residual = Vec3::Zero();    // sums of r and of A u over what is loose
+    Vec3 product = Vec3::Zero();
+    double part = 0;  // of u, to be added
+    // Of what turns, about the centre of mass or what is held.
+    Vec3 turn = Vec3::Zero();  // rad/s to be added; the torque of r before
     double mass_kg = 0;
     Vec3 origin_m = Vec3::Zero();
     Vec3 centre_m = Vec3::Zero();
     Mat3 spread = Mat3::Zero();  // sum of m r r^T
-    Vec3 rate = Vec3::Zero();    // torque, then what it makes of the angular velocity
-    double descent = 0, curvature = 0;
   };
   struct ZoneInverse {
     int zone;
@@ -100,6 +112,16 @@ class SubspaceSystem {
   void PreconditionZones(std::span<const Padded> r, std::span<Padded> z, double* chunk_sums) const;
   double SumChunks() const;
   void FindLoose(const State& state, std::span<const RigidGroup> groups);
+  void FindHolds(std::span<const RigidGroup> groups);
+  Whole& WholeOf(int p) { return wholes_[component_[model_.body_of[p]]]; }
+  template <typename Visit>
+  void ForEachTurning(const Visit& visit);
+  void MeasureWork(std::span<const Padded> u, std::span<const Padded> au,
+                   std::span<const Padded> r);
+  bool MeasureTurns(std::span<const Padded> r);
+  static void FindPart(const Mat3& stiffness_sum, Whole* whole);
+  void AddTurns(std::span<Padded> u, std::span<Padded> au, std::span<Padded> x, std::span<Padded> r,
+                Parallel* parallel);
   // x += alpha p, r -= alpha ap, z = P^-1 r of free particles; returns r.z with the zones'.
   double Advance(double alpha, std::span<Padded> x, std::span<Padded> r, Parallel* parallel);
 
@@ -113,7 +135,7 @@ class SubspaceSystem {
   std::vector<std::int32_t> component_;  // [#bodies] the lowest of the bodies joined with it
   std::vector<Mat3> stiffness_sum_;      // [#bodies] Z^T A Z of a component
   mutable std::vector<Vec3> balance_;    // [#bodies]
-  std::vector<Turn> turns_;              // [#bodies] of a component
+  std::vector<Whole> wholes_;            // [#bodies] of a component
   std::vector<ZoneInverse> zones_;
   std::span<const std::int32_t> members_;  // Contacts::zone_members and zones of the state given
   std::span<const Zone> contacts_zones_;
