@@ -26,6 +26,7 @@ Json FiguresJson(const StressFigures& f) {
                {"cpu_s", f.cpu_s},
                {"report_bits", f.bits},
                {"energy_excess", Finite(f.energy_excess)},
+               {"excess_j", Finite(f.excess_j)},
                {"identity_error", Finite(f.identity_error)},
                {"adhesive_share", Finite(f.adhesive_share)},
                {"sliding_gained_share", Finite(f.sliding_share)},

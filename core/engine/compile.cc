@@ -134,7 +134,7 @@ absl::Status Pipeline::CompileImplicit() {
     force_error_ = std::make_unique<ForceError>(*model_, implicit_->rows().count());
     error_bar_.resize(model_->tools.size());
     bytes_.error = heap.Take();
-    tool_system_ = std::make_unique<ToolSystem>(*model_);
+    tool_system_ = std::make_unique<ToolSystem>(*model_, implicit_->rows().count());
     own_inertia_.resize(model_->tools.size());
     coupling_law_.resize(model_->tools.size());
     tool_law_.resize(model_->tools.size());

@@ -86,6 +86,11 @@ class Engine {
   virtual std::uint64_t StateHash() const = 0;
   // Kinetic plus elastic energy now, J. May allocate.
   virtual double MechanicalEnergy() const = 0;
+  // What steps keep instead, J. In implicit ones it is the same. Explicit ones are symplectic: of
+  // springs they keep H + dt/2 f.v exactly, while H itself swings about it by up to w dt / 2 (half
+  // of it at the default fraction of the stability bound) without ever growing (Hairer, Lubich,
+  // Wanner: Geometric Numerical Integration, chapter IX). May allocate.
+  virtual double KeptEnergy() const { return MechanicalEnergy(); }
 
   // How much of its own momentum a tool exchanged with what it caught in the last step, N s: the
   // sizes of its changes at all captures, added up, whether what was caught was let go again or

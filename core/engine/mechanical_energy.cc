@@ -4,7 +4,14 @@
 
 namespace adhesim {
 
-double Pipeline::MechanicalEnergy() const {
+double Pipeline::MechanicalEnergy() const { return Energies().mechanical_j; }
+
+double Pipeline::KeptEnergy() const {
+  const EnergyNow now = Energies();
+  return implicit_ ? now.mechanical_j : now.mechanical_j + 0.5 * substep_dt_s_ * now.elastic_w;
+}
+
+Pipeline::EnergyNow Pipeline::Energies() const {
   // On copies: forces are evaluated for their energy only. Near pairs are those of now; finding
   // them early changes no later step, since where forces need them every sub-step does so.
   StepReport report;
@@ -19,20 +26,22 @@ double Pipeline::MechanicalEnergy() const {
     force[kind].assign(force_n_[kind].size(), Vec3::Zero());
   std::vector<double> effect_state = state_.effect_state;
   const ForceOutput out{force[0], force[1], force[2], force[3]};
-  return state_.ledger.kinetic_j + SumElasticEnergy(effect_state, near, out);
-}
-
-double Pipeline::SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
-                                  const ForceOutput& out) const {
-  double elastic_j = 0;
+  EnergyNow now;
+  now.mechanical_j = state_.ledger.kinetic_j;
   for (std::size_t e = 0; e < effects_.size(); ++e) {
     const ForceInput in{
-        state_.position_m, state_.velocity_m_s,
-        state_.time_s,     effect_state.subspan(effect_state_first_[e], effects_[e]->state_size()),
-        &parallel_,        near};
-    elastic_j += effects_[e]->AddForces(in, out);
+        state_.position_m,
+        state_.velocity_m_s,
+        state_.time_s,
+        std::span(effect_state).subspan(effect_state_first_[e], effects_[e]->state_size()),
+        &parallel_,
+        near};
+    now.mechanical_j += effects_[e]->AddForces(in, out);
   }
-  return elastic_j;
+  for (std::size_t p = 0; p < force[0].size(); ++p) {
+    if (!model_->fixed[p]) now.elastic_w += force[0][p].dot(state_.velocity_m_s[p]);
+  }
+  return now;
 }
 
 }  // namespace adhesim

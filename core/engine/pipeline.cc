@@ -34,6 +34,7 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   std::fill(capture_impulse_ns_.begin(), capture_impulse_ns_.end(), 0);
   std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
   for (int k = 0; k < substeps; ++k) Substep(dt_s, k == 0);
+  substep_dt_s_ = dt_s;
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
     state_.tools[t].tissue = {tool_impulse_[t].force_n * per_s, tool_impulse_[t].torque_nm * per_s};

@@ -50,6 +50,7 @@ class Pipeline : public Engine {
   void WriteFrame(Frame* frame) const override;
   std::uint64_t StateHash() const override { return HashState(state_); }
   double MechanicalEnergy() const override;
+  double KeptEnergy() const override;
   double CaptureImpulse(int tool) const override { return capture_impulse_ns_[tool]; }
   std::span<const Stage> stages() const override { return clock_.stages(); }
   void TimeStages(std::size_t capacity) override { clock_.Enable(capacity); }
@@ -111,8 +112,11 @@ class Pipeline : public Engine {
   void RestoreSleep();
   double AddAllForces();
   void EvaluateForces();
-  double SumElasticEnergy(std::span<double> effect_state, std::span<const NearPair> near,
-                          const ForceOutput& out) const;
+  struct EnergyNow {
+    double mechanical_j = 0;
+    double elastic_w = 0;  // power of the elastic forces
+  };
+  EnergyNow Energies() const;
   void MoveTools(double dt_s);
   void FollowAgainstForces(int tool, double dt_s);
   bool MoveWithTissue(double dt_s);
@@ -131,6 +135,7 @@ class Pipeline : public Engine {
   State state_, start_;
   bool frozen_ = false;
   bool has_forces_ = false;  // those of the last sub-step belong to `state_`
+  double substep_dt_s_ = 0;  // of the last step
   int substeps_ = 1;
   std::vector<FidelityRung> rungs_;  // by order; what each does is told by its name
   int fidelity_ = 0;

@@ -95,7 +95,7 @@ void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s
     if (worst <= kRowTolerance) break;
     if (!(worst < last)) {
       if (worst < kNearlyMet) break;  // round-off
-      rows_.Clear();
+      rows_.Start();
       change_m_s_ = without_rows_m_s_;
       NewtonResidual(dt_s, state, parallel);
       break;

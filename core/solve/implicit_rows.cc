@@ -35,12 +35,13 @@ ImplicitRows::ImplicitRows(const Model& model, std::vector<const Effect*> effect
   mobility_.assign(rows * rows, 0);
   factor_.assign(rows * rows, 0);
   dropped_.assign(rows, 0);
-  for (auto* array : {&multiplier_ns_, &speed_, &change_}) array->assign(rows, 0);
+  for (auto* array : {&multiplier_ns_, &start_ns_, &speed_, &change_}) array->assign(rows, 0);
 }
 
 void ImplicitRows::Begin(std::span<const Vec3> position_m) {
   for (const Effect* effect : effects_) effect->ConstraintGradients(position_m, {}, gradient_);
   GiveToCarriers(model_, gradient_);
+  std::fill(start_ns_.begin(), start_ns_.end(), 0);
 }
 
 int ImplicitRows::Respond(double tolerance, int max_iterations, SubspaceSystem* system,

@@ -31,7 +31,10 @@ class ImplicitRows {
   // Once a sub-step: gradients at its start.
   void Begin(std::span<const Vec3> position_m);
   // Once for every set of zones.
-  void Clear() { std::fill(multiplier_ns_.begin(), multiplier_ns_.end(), 0); }
+  void Start() { multiplier_ns_ = start_ns_; }
+  // Where multipliers start until the next Begin(): what tools were moved by. A row of which tools
+  // hold all that could move is answered by that alone.
+  void SetStart(std::size_t row, double multiplier_ns) { start_ns_[row] = multiplier_ns; }
   // Responses of the system as it is now, each to a relative tolerance; returns the iterations.
   int Respond(double tolerance, int max_iterations, SubspaceSystem* system, Parallel* parallel,
               StepReport* report);
@@ -52,6 +55,8 @@ class ImplicitRows {
 
   // g_r.v, m^-1 of such speeds, and w_r.f [#rows]: for what else is solved with A.
   double SpeedOf(std::size_t row, std::span<const Padded> velocity_m_s) const;
+  const ConstraintRow& row(std::size_t r) const { return row_[r]; }
+  const Vec3& gradient(int p) const { return gradient_[p]; }
   void AnswerTo(std::span<const double> speed, std::span<double> answer);
   void ResponsesTo(std::span<const Padded> impulse_ns, std::span<double> speed) const;
 
@@ -60,15 +65,15 @@ class ImplicitRows {
 
   const Model& model_;
   std::vector<const Effect*> effects_;
-  std::vector<ConstraintRow> row_;                      // [#rows]
-  std::vector<std::int32_t> row_of_;                    // [#particles], -1: none
-  std::vector<Vec3> gradient_;                          // [#particles]
-  std::vector<std::vector<Padded>> response_;           // [#rows][#particles]
-  std::vector<std::vector<Padded>> left_;               // [#rows][#particles] of their solves
-  std::vector<double> mobility_, factor_;               // [#rows x #rows]
-  std::vector<double> multiplier_ns_, speed_, change_;  // [#rows]
-  std::vector<std::uint8_t> dropped_;                   // [#rows] nothing can change it
-  std::vector<Padded> scratch_;                         // [#particles]
+  std::vector<ConstraintRow> row_;             // [#rows]
+  std::vector<std::int32_t> row_of_;           // [#particles], -1: none
+  std::vector<Vec3> gradient_;                 // [#particles]
+  std::vector<std::vector<Padded>> response_;  // [#rows][#particles]
+  std::vector<std::vector<Padded>> left_;      // [#rows][#particles] of their solves
+  std::vector<double> mobility_, factor_;      // [#rows x #rows]
+  std::vector<double> multiplier_ns_, start_ns_, speed_, change_;  // [#rows]
+  std::vector<std::uint8_t> dropped_;                              // [#rows] nothing can change it
+  std::vector<Padded> scratch_;                                    // [#particles]
 };
 
 }  // namespace adhesim

@@ -21,7 +21,8 @@ namespace adhesim {
 // Linearly implicit: one linear system for dv = v_{n+1} - v_n,
 //   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
 // c the way from tangents to arcs of free bodies that turn (Arcs).
-// Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search.
+// Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search. A
+// linear step that moves tissue far against itself is made again so.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
 // So projection, loads, release, wrenches and ledgers need not know how a step was made. On free
@@ -94,6 +95,8 @@ class ImplicitSolver {
 
  private:
   static BlockMatrix MatrixOf(const Model& model, const std::vector<StiffEffect>& effects);
+  bool MovesFarWithin(double dt_s) const;
+  void StartNewton(const ForceInput& in);
   void Assemble(const ForceInput& in, double dt_s);
   ForceInput InputOf(const StiffEffect& stiff, const ForceInput& all) const;
   double EvaluateStiff(const ForceInput& all);
@@ -133,6 +136,8 @@ class ImplicitSolver {
   SubspaceSystem system_;
   ImplicitRows rows_;
   std::vector<std::int32_t> diagonal_;  // [#particles] slots
+  bool by_newton_ = false;              // this sub-step
+  double nearest_m_ = 0;                // two particles that act on each other, at rest
   bool damps_ = false;                  // some stiff effect has damping
   std::span<const NearPair> near_;
   double scale_ = 0, round_off_ = 0;  // in the preconditioner's norm, N s scaled
@@ -152,7 +157,7 @@ class ImplicitSolver {
   std::vector<Padded> change_m_s_;  // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
-  std::vector<Vec3> damped_m_s_;                   // Newton with damping only
+  std::vector<Vec3> damped_m_s_;                   // Newton, with damping only
   std::vector<Padded> without_rows_m_s_;           // Newton with rows only
 };
 

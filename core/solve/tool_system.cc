@@ -1,14 +1,23 @@
 #include "core/solve/tool_system.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 namespace adhesim {
+namespace {
 
-ToolSystem::ToolSystem(const Model& model) : model_(model), tools_(model.tools.size()) {
+// A row's spring against what its particles would yield if each were alone.
+constexpr double kRowStiffness = 1e8;
+
+}  // namespace
+
+ToolSystem::ToolSystem(const Model& model, std::size_t rows)
+    : model_(model), tools_(model.tools.size()), rows_(rows) {
   for (auto* array : {&change_m_s_, &residual_ns_, &direction_, &product_, &step_}) {
     array->assign(model.rest_position_m.size(), Padded{});
   }
+  for (Tool& tool : tools_) tool.gradient.assign(rows, Vec6::Zero());
 }
 
 template <typename Row>
@@ -38,6 +47,57 @@ void ToolSystem::SetMembers(const Tool& tool, const Vec6& twist, std::span<Padde
   }
 }
 
+void ToolSystem::MakeRows(std::span<const RigidGroup> groups) {
+  if (rows_.empty()) return;
+  const ImplicitRows& rows = solver_->rows();
+  SubspaceSystem& system = solver_->system();
+  system.SetZones(*state_, groups);
+  for (std::size_t r = 0; r < rows.count(); ++r) {
+    const ConstraintRow& row = rows.row(r);
+    double alone = 0, free = 0, speed = 0;
+    for (int p = row.first; p < row.first + row.count; ++p) {
+      const Vec3& g = rows.gradient(p);
+      if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
+      const double yields = g.dot(system.inverse_diagonal(p) * g);
+      alone += yields;
+      if (system.active(p)) free += yields;
+      speed += g.dot(state_->velocity_m_s[p]);
+    }
+    if (!(alone > 0)) {
+      rows_[r] = {};
+      continue;
+    }
+    const double stiffness = kRowStiffness / alone;
+    rows_[r] = {stiffness, free > 0 ? std::min(stiffness, 1 / free) : stiffness, -speed};
+  }
+}
+
+Vec6 ToolSystem::GradientOf(const Tool& tool, std::size_t row) const {
+  const ImplicitRows& rows = solver_->rows();
+  const ConstraintRow& range = rows.row(row);
+  return SumOverMembers(tool, [&](int p) -> Vec3 {
+    const bool inside = p >= range.first && p < range.first + range.count;
+    return inside ? rows.gradient(p) : Vec3(Vec3::Zero());
+  });
+}
+
+void ToolSystem::AddGradient(std::size_t row, double factor, std::span<Padded> x) const {
+  const ImplicitRows& rows = solver_->rows();
+  const ConstraintRow& range = rows.row(row);
+  for (int p = range.first; p < range.first + range.count; ++p) {
+    if (!solver_->system().active(p)) continue;
+    for (int k = 0; k < 3; ++k) x[p].v[k] += factor * rows.gradient(p)(k);
+  }
+}
+
+// An impulse along a row's gradient into the residuals.
+void ToolSystem::Push(std::size_t row, double impulse_ns) {
+  AddGradient(row, impulse_ns, residual_ns_);
+  for (Tool& tool : tools_) {
+    if (tool.zone >= 0) tool.residual += impulse_ns * tool.gradient[row];
+  }
+}
+
 bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
                        std::span<const Mat6> own, double dt_s, ImplicitSolver* solver,
                        Parallel* parallel) {
@@ -49,6 +109,7 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
     if (zone.tool >= 0 && !zone.holds_sleepers) tools_[zone.tool].zone = static_cast<int>(z);
   }
   const SubspaceSystem& system = solver->system();
+  MakeRows(groups);
   bool stiff = false;
   for (std::size_t t = 0; t < tools_.size(); ++t) {
     Tool& tool = tools_[t];
@@ -60,10 +121,17 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
       mass.col(k) = SumOverMembers(
           tool, [&](int p) -> Vec3 { return model_.mass_kg[p] * direction_[p].vec(); });
     }
-    const Mat6 spare = own[t] + 2 * mass - tool.members;  // the stiffness is members - mass
+    Mat6 spare = own[t] + 2 * mass - tool.members;  // the stiffness is members - mass
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      tool.gradient[r] = GradientOf(tool, r);
+      const Mat6 square = tool.gradient[r] * tool.gradient[r].transpose();
+      tool.members += rows_[r].stiffness * square;
+      spare -= rows_[r].felt * square;
+    }
     stiff = stiff || Eigen::LLT<Mat6>(spare).info() != Eigen::Success;
   }
   if (!stiff) return false;
+  pushed_ = false;
   solver->StartResidual(groups, dt_s, state, parallel, residual_ns_);
   std::fill(change_m_s_.begin(), change_m_s_.end(), Padded{});
   for (Tool& tool : tools_) {
@@ -96,6 +164,15 @@ double ToolSystem::Multiply(Parallel* parallel) {
                    SumOverMembers(tool, [&](int p) { return system.MultiplyRow(p, direction_); });
     sum += tool.direction.dot(tool.product);
   }
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double speed = solver_->rows().SpeedOf(r, direction_);
+    const double push = rows_[r].stiffness * speed;
+    AddGradient(r, push, product_);
+    for (Tool& tool : tools_) {
+      if (tool.zone >= 0) tool.product += push * tool.gradient[r];
+    }
+    sum += push * speed;
+  }
   return sum;
 }
 
@@ -115,7 +192,12 @@ void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* 
     }
   };
   double rz = Precondition(parallel), beta = 0;
-  const double target = solver_->Target(std::sqrt(rz));
+  const double target = solver_->Target(std::sqrt(rz));  // of forces, not of springs
+  if (!pushed_) {
+    for (std::size_t r = 0; r < rows_.size(); ++r) Push(r, rows_[r].stiffness * rows_[r].lacks_m_s);
+    pushed_ = true;
+    rz = Precondition(parallel);
+  }
   for (int iteration = 0; rz > target * target; ++iteration) {
     for (int p = 0; p < n; ++p) {
       for (int k = 0; k < 3; ++k) {
@@ -129,7 +211,7 @@ void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* 
     const double curvature = Multiply(parallel);
     if (iteration == model_.max_iterations || !(curvature > 0) || !std::isfinite(curvature)) {
       report->bits |= kStepNotConverged;
-      return;
+      break;
     }
     const double alpha = rz / curvature;
     add(alpha, direction_, change_m_s_);
@@ -142,6 +224,11 @@ void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* 
     const double next = Precondition(parallel);
     beta = next / rz;
     rz = next;
+  }
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    ImplicitRows& rows = solver_->rows();
+    const double lacks = rows_[r].lacks_m_s - rows.SpeedOf(r, change_m_s_);
+    rows.SetStart(r, rows_[r].stiffness * lacks);
   }
 }
 

@@ -22,6 +22,10 @@ namespace adhesim {
 // conjugate gradients with the blocks of SubspaceSystem and of the tools as preconditioner; only du
 // is kept, and dv as the start of the step's own solve, to which the tools are prescribed.
 //
+// Constraint rows (ImplicitRows) take part as springs, rho g g^T with rho far above what tissue
+// answers: a tool that holds all of a kept volume that could move feels that it does not yield.
+// What the springs exert is where the rows' multipliers start.
+//
 // Allocates at construction only.
 class ToolSystem {
  public:
@@ -31,7 +35,8 @@ class ToolSystem {
     Vec6 impulse = Vec6::Zero();
   };
 
-  explicit ToolSystem(const Model& model);
+  // `rows`: how many the solver has.
+  ToolSystem(const Model& model, std::size_t rows);
 
   // After ImplicitSolver::Begin(), with the twists that tools have and their own inertias [#tools].
   // True when tissue could throw some tool about within a step: its stiffness, with what is around
@@ -52,18 +57,31 @@ class ToolSystem {
     Mat6 members, inverse;  // J^T A_cc J; and (.. + law.matrix)^-1
     Law law;
     Vec6 change, residual, direction, product, step;
+    std::vector<Vec6> gradient;  // [#rows] J^T g_r
+  };
+  struct Spring {
+    double stiffness = 0;  // rho, kg over the gradient's square; 0: nothing of it can move
+    double felt = 0;       // the same at most, where free particles yield
+    double lacks_m_s = 0;  // of g.v, before the step
   };
   // J^T of rows of members: of A x, or of x itself.
   template <typename Row>
   Vec6 SumOverMembers(const Tool& tool, const Row& row) const;
   void SetMembers(const Tool& tool, const Vec6& twist, std::span<Padded> x) const;
+  void MakeRows(std::span<const RigidGroup> groups);
+  // J^T g_r.
+  Vec6 GradientOf(const Tool& tool, std::size_t row) const;
+  void Push(std::size_t row, double impulse_ns);
+  void AddGradient(std::size_t row, double factor, std::span<Padded> x) const;
   double Precondition(Parallel* parallel);
   double Multiply(Parallel* parallel);
 
   const Model& model_;
   ImplicitSolver* solver_ = nullptr;
   const State* state_ = nullptr;
-  std::vector<Tool> tools_;                                                    // [#tools]
+  std::vector<Tool> tools_;   // [#tools]
+  std::vector<Spring> rows_;  // [#rows]
+  bool pushed_ = false;       // what rows lack is in the residuals
   std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;  // [#particles]
 };
 

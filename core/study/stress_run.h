@@ -15,6 +15,9 @@ struct StressConditions {
   // Every deformable body has its shape at rest again by then, and keeps it (ShapeError below
   // 1 %, no tetrahedron inverted); absent: loads, contact or fields keep it from that.
   std::optional<double> rest_by_s;
+  // Most energy above what was put in, J: E_ref grows with all that is exchanged, and a share of it
+  // may be more than what a case has by itself. Absent: that share alone.
+  std::optional<double> most_excess_j;
 };
 
 // What was seen of a run.
@@ -27,6 +30,7 @@ struct StressFigures {
   std::string frozen_because;  // empty: it is not
 
   double energy_excess = 0;       // most above what was put in, over E_ref
+  double excess_j = 0;            // the same in J
   double identity_error = 0;      // imbalance of a sub-step, over E_ref
   double adhesive_share = 0;      // gained by capture and zones' rotation, over E_ref
   double sliding_share = 0;       // gained by sliding, over E_ref, its losses not counted
@@ -53,7 +57,7 @@ struct StressFigures {
 
 struct StressRun {
   double duration_s = 1;
-  int samples = 100;  // of energy, depth and shape; the end is one
+  int samples = 100;  // of depth and shape; the end is one. Energy: every step
   // Inputs of a step; null: tools follow their trajectories.
   std::function<void(const Engine&, std::vector<ToolInput>*)> drive = nullptr;
   double cpu_limit_s = std::numeric_limits<double>::infinity();

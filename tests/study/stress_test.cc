@@ -135,6 +135,10 @@ TEST(StressJudge, SeesEveryNumberThatIsTooLarge) {
   };
   EXPECT_EQ(fails([](StressFigures* f) { f->energy_excess = 0.011; }), 1u);
   EXPECT_EQ(fails([](StressFigures* f) { f->energy_excess = NAN; }), 1u);
+  EXPECT_EQ(fails([](StressFigures* f) { f->excess_j = 0.011; }), 0u);
+  StressFigures gains = good;
+  gains.excess_j = 0.011;
+  EXPECT_EQ(WhatFails({std::nullopt, 0.01}, gains).size(), 1u);
   EXPECT_EQ(fails([](StressFigures* f) { f->identity_error = 2e-9; }), 1u);
   EXPECT_EQ(fails([](StressFigures* f) { f->adhesive_share = 2e-9; }), 1u);
   EXPECT_EQ(fails([](StressFigures* f) { f->max_depth_m = 0.0011; }), 1u);
