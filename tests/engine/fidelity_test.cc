@@ -212,7 +212,7 @@ effects:
     EXPECT_EQ(RungNames(*engine).back(), "stiffness");
     for (int step = 0; step < 40; ++step) {
       engine->Step({});
-      ASSERT_LT(engine->MechanicalEnergy(), 1.02 * start) << step << held;
+      EXPECT_LT(engine->MechanicalEnergy(), 1.02 * start) << step << held;
     }
   }
 }
