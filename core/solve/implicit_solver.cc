@@ -273,7 +273,8 @@ void ImplicitSolver::BalanceLinear(double dt_s, const State& state, Parallel* pa
     if (!system_.active(static_cast<int>(p))) continue;
     direction_[p].Set(prescribed_m_s_[p].vec() + change_m_s_[p].vec());
     product_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
-                    dt_s * start_total_n_[p] - residual_ns_[p].vec());
+                    dt_s * start_total_n_[p] + rows_.ImpulseOn(static_cast<int>(p)) -
+                    residual_ns_[p].vec());
   }
   system_.SubtractHeld(prescribed_m_s_, product_);
   system_.BalanceWork(direction_, product_, change_m_s_, residual_ns_, parallel);

@@ -157,7 +157,7 @@ class ImplicitSolver {
   std::vector<Padded> change_m_s_;  // the unknown: v_{n+1} - c - prescribed_m_s_
   std::vector<Padded> residual_ns_, direction_, product_;
   std::vector<Padded> newton_, last_residual_ns_;  // Newton only
-  std::vector<Vec3> damped_m_s_;                   // Newton with damping only
+  std::vector<Vec3> damped_m_s_;                   // Newton, with damping only
   std::vector<Padded> without_rows_m_s_;           // Newton with rows only
 };
 

@@ -65,7 +65,7 @@ bool Begin(SpringWorld* world, ToolSystem* system, double dt_s, double mass_kg) 
 TEST(ToolSystem, ToolsGetTheMomentumThatTissueGivesThemInTheStepItself) {
   const double dt = 0.1, mass_kg = 0.5;
   SpringWorld world = HeldCloud();
-  ToolSystem system(world.model);
+  ToolSystem system(world.model, 0);
   ASSERT_TRUE(Begin(&world, &system, dt, mass_kg));
   std::vector<ToolSystem::Law> laws(2);
   for (int t = 0; t < 2; ++t) laws[t].matrix = (1 + t) * Inertia(mass_kg);
@@ -100,7 +100,7 @@ TEST(ToolSystem, ToolsGetTheMomentumThatTissueGivesThemInTheStepItself) {
 // 750 N/m on average, some three springs a particle.
 TEST(ToolSystem, IsNotNeededWhereTissueIsSoftAgainstTheTool) {
   SpringWorld world = HeldCloud();
-  ToolSystem system(world.model);
+  ToolSystem system(world.model, 0);
   EXPECT_FALSE(Begin(&world, &system, 1e-3, 0.5));
   EXPECT_TRUE(Begin(&world, &system, 0.1, 0.5));
   EXPECT_FALSE(Begin(&world, &system, 0.1, 1e4));
@@ -109,7 +109,7 @@ TEST(ToolSystem, IsNotNeededWhereTissueIsSoftAgainstTheTool) {
 TEST(ToolSystem, HasNoneOfToolsThatHoldNothing) {
   SpringWorld world = HeldCloud();
   world.SetZones({{{10, 11, 12, 13}, 0}});
-  ToolSystem system(world.model);
+  ToolSystem system(world.model, 0);
   EXPECT_TRUE(Begin(&world, &system, 0.1, 0.5));
   EXPECT_TRUE(system.holds(0));
   EXPECT_FALSE(system.holds(1));
