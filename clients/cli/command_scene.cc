@@ -33,7 +33,7 @@ int Check(const std::vector<std::string>& files) {
       exit_code = kExitBadInput;
       continue;
     }
-    std::cout << file << ": ok, " << loaded->model->bodies.size() << " bodies, "
+    std::cout << file << ": ok, " << Counted(loaded->model->bodies.size(), "body", "bodies") << ", "
               << loaded->model->particle_count() << " particles" << std::endl;
   }
   return exit_code;

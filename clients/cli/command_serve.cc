@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "clients/cli/commands.h"
+#include "clients/cli/output.h"
 #include "clients/cli/record_run.h"
 #include "clients/cli/validators.h"
 #include "core/engine/engine.h"
@@ -141,8 +142,9 @@ void PrintWhere(const ServeOptions& options, const Server& server, const Offered
     where["scenes"] = offered.size();
     std::cout << where.dump() << std::endl;
   } else {
-    std::cout << "serving gRPC on " << server.address() << " (" << offered.size()
-              << " scenes, real-time class: " << server.realtime_class() << ", memory "
+    std::cout << "serving gRPC on " << server.address() << " ("
+              << Counted(offered.size(), "scene", "scenes")
+              << ", real-time class: " << server.realtime_class() << ", memory "
               << (server.memory_locked() ? "locked" : "not locked") << ")" << std::endl;
     if (!server.http_address().empty()) {
       std::cout << "open http://" << server.http_address() << "/ in a browser" << std::endl;

@@ -9,14 +9,13 @@
 #include "adhesim/v1/session_service.grpc.pb.h"
 #include "adhesim/v1/view_service.grpc.pb.h"
 #include "clients/cli/commands.h"
+#include "clients/cli/output.h"
 #include "clients/cli/service_client.h"
 #include "clients/cli/stop_signals.h"
 #include "clients/cli/validators.h"
 
 namespace adhesim {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct WatchOptions {
   std::string address;
@@ -135,10 +134,11 @@ ExitCode FindSession(WatchOptions* options, v1::SessionService::Stub& sessions) 
 
 void PrintTopology(const v1::WatchResponse& response) {
   const v1::Topology& topology = response.topology();
-  std::printf("session %s: scene %s, %u particles, %zu triangles, %d bodies, %d tools, %g Hz\n",
+  std::printf("session %s: scene %s, %u particles, %zu triangles, %s, %s, %g Hz\n",
               response.session().c_str(), topology.scene().c_str(), topology.particles(),
-              topology.triangles().size() / 12, topology.bodies_size(), topology.tools_size(),
-              topology.rate_hz());
+              topology.triangles().size() / 12,
+              Counted(topology.bodies_size(), "body", "bodies").c_str(),
+              Counted(topology.tools_size(), "tool", "tools").c_str(), topology.rate_hz());
 }
 
 ExitCode Stream(const WatchOptions& options, v1::ViewService::Stub& view) {

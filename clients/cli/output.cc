@@ -33,6 +33,10 @@ absl::Status WriteTextFile(const std::string& path, const std::string& text) {
   return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
 }
 
+std::string Counted(std::size_t count, const std::string& one, const std::string& many) {
+  return absl::StrCat(count, " ", count == 1 ? one : many);
+}
+
 Distribution Describe(std::vector<float> values) {
   std::sort(values.begin(), values.end());
   const auto rank = [&](double fraction) {

@@ -21,6 +21,9 @@ void PrintJson(const Json& json);
 // Writes a file, making the folders above it. Errors: InvalidArgument.
 absl::Status WriteTextFile(const std::string& path, const std::string& text);
 
+// "1 body", "2 bodies".
+std::string Counted(std::size_t count, const std::string& one, const std::string& many);
+
 struct Distribution {
   double min = 0, median = 0, p99 = 0, max = 0;
 };

@@ -97,6 +97,7 @@ TEST_F(AccuracyCommand, RefusesBadInputAndTellsWhenTheTimeIsTooShort) {
   EXPECT_EQ(Run(File("block.yaml") + " --apply --set rate_hz=50"), 2);
   EXPECT_EQ(Run(File("block.yaml") + quick_ + " --html /no/such/folder/page.html"), 2);
   EXPECT_THAT(Read("err"), HasSubstr("cannot write /no/such/folder/page.html"));
+  EXPECT_THAT(Read("err"), Not(HasSubstr("...")));  // before the study, not after it
   // Hours of simulated time do not fit into a tenth of a second.
   EXPECT_EQ(Run(File("block.yaml") + " --seconds 10000 --budget-s 0.1"), 1);
   EXPECT_THAT(Read("err"), HasSubstr("budget"));

@@ -11,31 +11,12 @@
 #include "core/study/accuracy_study.h"
 #include "core/study/shape_error.h"
 #include "tests/support/engine_fixture.h"
+#include "tests/support/sample_scenes.h"
 
 namespace adhesim::test {
 namespace {
 
 using ::testing::HasSubstr;
-
-// A beam of one layer, bent by its weight by 0.7 mm and braked. Ours solves to the end, so that
-// nothing of the solver is left in what is compared, and is refused explicit steps: without them
-// Bullet's are the most accurate, and still not to be recommended.
-std::string BeamOf(const std::string& elasticity) {
-  return "rate_hz: 400\n"
-         "integration: {tolerance: 1e-8, max_substeps: 1}\n"
-         "bodies:\n"
-         "  - name: beam\n"
-         "    block: {size_m: [0.4, 0.05, 0.05]}\n"
-         "    tetrahedra: {cells: 8}\n"
-         "    density_kg_m3: 1000\n"
-         "    fixed: [half_space: {point_m: [-0.19999, 0, 0], normal: [1, 0, 0]}]\n"
-         "effects:\n"
-         "  - elasticity: {" +
-         elasticity +
-         "}\n"
-         "  - uniform_gravity: {acceleration_m_s2: [0, 0, -0.075]}\n"
-         "  - drag: {rate_per_s: 12}\n";
-}
 
 AccuracyStudy StudyOf(const std::string& yaml) {
   const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
@@ -76,8 +57,9 @@ void ExpectOurError(const AccuracyStudy& study, double tolerance) {
   }
 }
 
+// Without explicit steps of ours Bullet's are the most accurate, and still not to be recommended.
 TEST(BulletTissue, BendsACantileverAsTheReferenceDoes) {
-  const AccuracyStudy study = StudyOf(BeamOf("young_modulus_pa: 1e6, poisson_ratio: 0.3"));
+  const AccuracyStudy study = StudyOf(BeamScene());
   ExpectOurError(study, 0.2);
   const AccuracyPoint* point = PointOf(study, DialKind::kRival, Integrator::kImplicit, 400);
   ASSERT_NE(point, nullptr);
@@ -98,15 +80,15 @@ TEST(BulletTissue, BendsACantileverAsTheReferenceDoes) {
 }
 
 TEST(BulletTissue, HasTheSameStiffnessInEveryRegionAndTheSameDamping) {
-  ExpectOurError(StudyOf(BeamOf("young_modulus_pa: 1e6, poisson_ratio: 0.3, "
-                                "stiffness_damping_s: 0.002, regions: [{where: {half_space: "
-                                "{point_m: [0, 0, 0], normal: [1, 0, 0]}}, young_modulus_pa: "
-                                "2e6}]")),
+  ExpectOurError(StudyOf(BeamScene("young_modulus_pa: 1e6, poisson_ratio: 0.3, "
+                                   "stiffness_damping_s: 0.002, regions: [{where: {half_space: "
+                                   "{point_m: [0, 0, 0], normal: [1, 0, 0]}}, young_modulus_pa: "
+                                   "2e6}]")),
                  0.2);
 }
 
 TEST(BulletTissue, DivergesInExplicitStepsThatAreTooLongAndIsShownAsFailed) {
-  const AccuracyStudy study = StudyOf(BeamOf("young_modulus_pa: 1e6, poisson_ratio: 0.3"));
+  const AccuracyStudy study = StudyOf(BeamScene());
   const AccuracyPoint* point = PointOf(study, DialKind::kRival, Integrator::kExplicit, 400);
   ASSERT_NE(point, nullptr);
   EXPECT_THAT(point->failed, HasSubstr("diverged"));
@@ -169,42 +151,42 @@ TEST(BulletTissue, RestsOnAFloor) {
   EXPECT_LE(lowest_m, 0.001);
 }
 
+// A cube of tissue that starts stretched by a tenth.
+struct StretchedCube {
+  std::shared_ptr<const Model> model;
+  BulletTissue bullet;
+  StretchedCube(int rate_hz, const std::string& young_modulus_pa, int drag_per_s)
+      : model(ModelOf("rate_hz: " + std::to_string(rate_hz) +
+                      "\nbodies:\n  - {name: a, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: "
+                      "{cells: 2}, density_kg_m3: 1000}\neffects:\n  - elasticity: "
+                      "{young_modulus_pa: " +
+                      young_modulus_pa + "}\n  - drag: {rate_per_s: " + std::to_string(drag_per_s) +
+                      "}\n")),
+        bullet(*model, model->dt_s, BulletSettings()) {
+    std::vector<Vec3> position_m = model->rest_position_m;
+    for (Vec3& x : position_m) x.x() *= 1.1;
+    bullet.StartFrom(position_m);
+  }
+  double ErrorAfter(int steps) {
+    for (int step = 0; step < steps; ++step) bullet.Step();
+    std::vector<Vec3> position_m, velocity_m_s;
+    bullet.Read(&position_m, &velocity_m_s);
+    return MeasureShapeError(*model, position_m).error;
+  }
+};
+
 // Bullet puts to sleep what is slower than 0.04 m/s for two seconds. In honey this is.
 TEST(BulletTissue, NeverSleeps) {
-  const auto model = ModelOf(
-      "rate_hz: 50\n"
-      "bodies:\n  - {name: a, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: {cells: 2}, "
-      "density_kg_m3: 1000}\n"
-      "effects:\n  - elasticity: {young_modulus_pa: 1e4}\n  - drag: {rate_per_s: 5000}\n");
-  BulletTissue bullet(*model, model->dt_s, BulletSettings());
-  std::vector<Vec3> position_m = model->rest_position_m, velocity_m_s;
-  for (Vec3& x : position_m) x.x() *= 1.1;
-  bullet.StartFrom(position_m);
-  double error[2];
-  for (double& after : error) {
-    for (int step = 0; step < 150; ++step) bullet.Step();
-    bullet.Read(&position_m, &velocity_m_s);
-    after = MeasureShapeError(*model, position_m).error;
-  }
-  EXPECT_LT(error[1], 0.9 * error[0]);
+  StretchedCube cube(50, "1e4", 5000);
+  const double after = cube.ErrorAfter(150);
+  EXPECT_LT(cube.ErrorAfter(150), 0.9 * after);
 }
 
-// Stretched by a tenth, it swings back; what its shape is has not been changed with it.
+// It swings back; what its shape is has not been changed with its start.
 TEST(BulletTissue, ComesBackFromAnotherStart) {
-  const auto model = ModelOf(
-      "rate_hz: 200\n"
-      "bodies:\n  - {name: a, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: {cells: 2}, "
-      "density_kg_m3: 1000}\n"
-      "effects:\n  - elasticity: {young_modulus_pa: 1e5}\n  - drag: {rate_per_s: 20}\n");
-  BulletTissue bullet(*model, model->dt_s, BulletSettings());
-  std::vector<Vec3> position_m = model->rest_position_m, velocity_m_s;
-  for (Vec3& x : position_m) x.x() *= 1.1;
-  bullet.StartFrom(position_m);
-  bullet.Read(&position_m, &velocity_m_s);
-  EXPECT_GT(MeasureShapeError(*model, position_m).error, 0.03);
-  for (int step = 0; step < 200; ++step) bullet.Step();
-  bullet.Read(&position_m, &velocity_m_s);
-  EXPECT_LT(MeasureShapeError(*model, position_m).error, 1e-3);
+  StretchedCube cube(200, "1e5", 20);
+  EXPECT_GT(cube.ErrorAfter(0), 0.03);
+  EXPECT_LT(cube.ErrorAfter(200), 1e-3);
 }
 
 StressCase CaseOf(const std::string& name) {

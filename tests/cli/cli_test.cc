@@ -166,7 +166,7 @@ TEST(Cli, WritesPmlThatIsTheSameMeshAndTheSameBodies) {
   EXPECT_GT(ball["box_min"][0].get<double>(), 0.9);  // body b stands at x = 1
   const std::string again =
       Scene("bodies:\n  - {name: a, mesh: {file: " + pml + ", component: b}, mass_kg: 1}\n");
-  EXPECT_THAT(Adhesim("scene check " + again).out, HasSubstr("1 bodies, 42 particles"));
+  EXPECT_THAT(Adhesim("scene check " + again).out, HasSubstr("1 body, 42 particles"));
 
   EXPECT_EQ(Adhesim("mesh convert " + mesh + " " + mesh).exit_code, 2);
   EXPECT_EQ(Adhesim("mesh convert " + mesh + " /nonexistent/out.pml").exit_code, 2);

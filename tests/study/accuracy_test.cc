@@ -12,27 +12,12 @@
 #include "core/study/accuracy_references.h"
 #include "core/study/accuracy_study.h"
 #include "tests/support/engine_fixture.h"
+#include "tests/support/sample_scenes.h"
 
 namespace adhesim::test {
 namespace {
 
 using ::testing::HasSubstr;
-
-// A beam of one layer, bent by its weight by 0.7 mm and braked. Explicit steps need several
-// sub-steps and are given one. The solver leaves nothing that an error in dt could hide in.
-constexpr char kBeam[] =
-    "rate_hz: 400  # kept\n"
-    "integration: {max_substeps: 1, tolerance: 1e-8}\n"
-    "bodies:\n"
-    "  - name: beam\n"
-    "    block: {size_m: [0.4, 0.05, 0.05]}\n"
-    "    tetrahedra: {cells: 8}\n"
-    "    density_kg_m3: 1000\n"
-    "    fixed: [half_space: {point_m: [-0.19999, 0, 0], normal: [1, 0, 0]}]\n"
-    "effects:\n"
-    "  - elasticity: {young_modulus_pa: 1e6, poisson_ratio: 0.3}\n"
-    "  - uniform_gravity: {acceleration_m_s2: [0, 0, -0.075]}\n"
-    "  - drag: {rate_per_s: 12}\n";
 
 SceneFile SceneOf(const std::string& yaml) {
   const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
@@ -54,7 +39,7 @@ AccuracyStudy StudyOf(const std::string& yaml, double seconds) {
 
 // Shared: it is the same study.
 const AccuracyStudy& BeamStudy() {
-  static const AccuracyStudy study = StudyOf(kBeam, 1);
+  static const AccuracyStudy study = StudyOf(BeamScene(), 1);
   return study;
 }
 
@@ -358,12 +343,12 @@ TEST(AccuracyAdvice, OfAChaoticSceneGoesByObservables) {
 }
 
 TEST(AccuracyApply, ChangesTheNumbersAndNothingElse) {
-  const SceneFile file = SceneOf(kBeam);
+  const SceneFile file = SceneOf(BeamScene());
   const auto text = TextWithEdits(
       file,
       {{"rate_hz", "50"}, {"integration.tolerance", "0.01"}, {"integration.max_substeps", "9"}});
   ASSERT_TRUE(text.ok()) << text.status();
-  std::string expected = kBeam;
+  std::string expected = BeamScene();
   expected.replace(expected.find("400  # kept"), 3, "50");
   expected.replace(expected.find("max_substeps: 1"), 15, "max_substeps: 9");
   expected.replace(expected.find("1e-8"), 4, "0.01");
@@ -371,7 +356,7 @@ TEST(AccuracyApply, ChangesTheNumbersAndNothingElse) {
 }
 
 TEST(AccuracyApply, AddsWhatTheFileDoesNotHaveInFrontOfTheBodies) {
-  std::string yaml = kBeam;
+  std::string yaml = BeamScene();
   yaml.erase(0, yaml.find("bodies:"));
   const auto text = TextWithEdits(
       SceneOf(yaml),
@@ -385,8 +370,8 @@ TEST(AccuracyApply, AddsWhatTheFileDoesNotHaveInFrontOfTheBodies) {
 }
 
 TEST(AccuracyApply, RefusesWhatItCannotWriteSafely) {
-  EXPECT_FALSE(TextWithEdits(SceneOf(kBeam), {{"rate_hz", "-1"}}).ok());
-  EXPECT_FALSE(TextWithEdits(SceneOf(kBeam), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
+  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"rate_hz", "-1"}}).ok());
+  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
   const std::string json =
       "{\"bodies\": [{\"name\": \"a\", \"icosphere\": {\"radius_m\": 1}, \"mass_kg\": 1}]}";
   EXPECT_FALSE(TextWithEdits(SceneOf(json), {{"rate_hz", "50"}}).ok());
