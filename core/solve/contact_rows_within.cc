@@ -14,10 +14,11 @@ namespace adhesim {
 namespace {
 
 constexpr double kStiffer = 20;   // a row than what it acts on: multipliers err by less, a turn
-constexpr int kMostSolves = 60;   // of one step
-constexpr double kMissed = 1e-4;  // by rows, of the speeds that they end
+constexpr int kMostSolves = 100;  // of one step
+constexpr double kMissed = 2e-4;  // by rows, of the speeds that they end
 constexpr double kSolveLeaves = 0.03;  // of what it starts with
 constexpr int kSearchAttempts = 12;
+constexpr double kFurthest = 256;   // of the way found
 constexpr double kSlopeLeft = 0.1;  // of the slope at the start, where a line search ends
 
 }  // namespace
@@ -36,7 +37,7 @@ void ContactRows::StartLaw(const Row& row, const State& state, const Motion& mot
                   most(row.mobility[1], std::max(answer[1], answer[2]))};
   law->multiplier_ns = law->impulse_ns = row.impulse;
   law->weight_kg.setZero();
-  law->limit_ns = 0;
+  law->limit_ns = FrictionLimit(row, row.impulse(0));
 }
 
 // What Sweep() would make of the multipliers at these speeds, and at the limit of friction given.
@@ -72,13 +73,11 @@ void ContactRows::Linearise(const Row& row, Law* law) {
   law->weight_kg.tail<2>().setConstant(std::min(tangent_kg, rub_ns / missing));
 }
 
-// Impulses from the laws as they are, friction within what presses now; the residual follows.
+// Impulses from the laws as they are; the residual follows.
 void ContactRows::Renew(const Within& within) {
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     Law& law = laws_[r];
-    Vec3 impulse = ImpulseOf(rows_[r], law, law.speed_m_s);
-    law.limit_ns = FrictionLimit(rows_[r], impulse(0));
-    impulse = ImpulseOf(rows_[r], law, law.speed_m_s);
+    const Vec3 impulse = ImpulseOf(rows_[r], law, law.speed_m_s);
     AddTo(within.residual_ns, rows_[r], impulse - law.impulse_ns, *within.system);
     law.impulse_ns = impulse;
   }
@@ -97,7 +96,10 @@ int ContactRows::MeetWithin(const State& state, const Motion& motion, const With
     const bool solved = left <= std::max(within.target, within.tolerance * impulses);
     if (solved) {
       if (MissedSq() <= kMissed * kMissed * start_sq) break;
-      for (Law& law : laws_) law.multiplier_ns = law.impulse_ns;
+      for (std::size_t r = 0; r < rows_.size(); ++r) {
+        laws_[r].multiplier_ns = laws_[r].impulse_ns;
+        laws_[r].limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+      }
       Renew(within);
     }
     if (solve == kMostSolves || !std::isfinite(left)) {
@@ -107,7 +109,6 @@ int ContactRows::MeetWithin(const State& state, const Motion& motion, const With
     for (std::size_t r = 0; r < rows_.size(); ++r) Linearise(rows_[r], &laws_[r]);
     iterations += SolveLaws(within);
     SearchAlong(within);
-    Renew(within);
   }
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const Vec3& impulse = laws_[r].impulse_ns;
@@ -183,8 +184,9 @@ int ContactRows::SolveLaws(const Within& within) {
 }
 
 // Goes along the way that was found until laws and matrix balance: all of it, where rows neither
-// close nor open on it. What is minimised along it is convex (friction's limits do not change), so
-// that its slope is enough. r = (1 - t) r_0 + t r_left + sum (J(t) - J(0) + t w way) g.
+// close nor open on it; further, where what slips was taken for stiffer than it turns out. What is
+// minimised along it is convex (friction's limits do not change), so that its slope is enough. r =
+// (1 - t) r_0 + t r_left + sum (J(t) - J(0) + t w way) g.
 void ContactRows::SearchAlong(const Within& within) {
   double start = 0, curvature = 0;
   for (std::size_t p = 0; p < way_m_s_.size(); ++p) {
@@ -203,7 +205,14 @@ void ContactRows::SearchAlong(const Within& within) {
     }
     return sum;
   };
-  double near = 0, near_descent = start, far = 1, far_descent = descent(1), part = 1;
+  double near = 0, near_descent = start, far = 1, far_descent = descent(1);
+  while (far_descent > kSlopeLeft * start && far < kFurthest) {
+    near = far;
+    near_descent = far_descent;
+    far *= 4;
+    far_descent = descent(far);
+  }
+  double part = far;
   for (int attempt = 0; attempt < kSearchAttempts && far_descent < -kSlopeLeft * start; ++attempt) {
     part = near + std::clamp(near_descent / (near_descent - far_descent), 0.1, 0.9) * (far - near);
     const double now = descent(part);

@@ -18,12 +18,12 @@ std::string Step(double rate_hz, const std::string& integrator) {
          "}\n";
 }
 
-std::string Effects(double young_pa, double friction) {
+std::string Effects(double young_pa, double friction, double strength_pa = 100) {
   return "effects:\n  - elasticity: {young_modulus_pa: " + std::to_string(young_pa) +
          ", poisson_ratio: 0.45, stiffness_damping_s: 0.002}\n"
-         "  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 100, "
-         "friction_coefficient: " +
-         std::to_string(friction) + "}\n";
+         "  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: " +
+         std::to_string(strength_pa) + ", friction_coefficient: " + std::to_string(friction) +
+         "}\n";
 }
 
 const std::string kSlab = R"(
@@ -82,6 +82,47 @@ TEST(ImplicitFriction, TissuesThatGrazeKeepTheirMomentumAndGainNothing) {
     EXPECT_LE(IdentityError(ledger), 1e-9);
     EXPECT_LE(MomentumBalance(engine->model(), engine->state()).linear, 1e-10) << integrator;
   }
+}
+
+// A rigid block on a slab of tissue that slopes (gravity leans instead).
+std::string Incline(double angle, double mu) {
+  return Step(200, "implicit") + R"(bodies:
+  - {name: slab, block: {size_m: [0.12, 0.06, 0.01]}, tetrahedra: {cells: 12}, density_kg_m3: 1000, fixed: [half_space: {point_m: [0, 0, -0.004], normal: [0, 0, 1]}]}
+  - {name: block, kind: rigid, block: {size_m: [0.02, 0.02, 0.01], cells: 2}, mass_kg: 0.03, position_m: [-0.03, 0.001, 0.0105]}
+)" + Effects(2e5, mu, 0) +
+         "  - uniform_gravity: {acceleration_m_s2: [" + std::to_string(9.81 * std::sin(angle)) +
+         ", 0, " + std::to_string(-9.81 * std::cos(angle)) + "]}\n";
+}
+
+Vec3 MomentumOf(const Engine& engine, const Body& body) {
+  Vec3 momentum = Vec3::Zero();
+  for (int p = body.first_particle; p < body.first_particle + body.particle_count; ++p)
+    momentum += engine.model().mass_kg[p] * engine.state().velocity_m_s[p];
+  return momentum;
+}
+
+TEST(ImplicitFriction, ABlockOnASlopeOfTissueObeysCoulomb) {
+  const double mu = 0.4, critical = std::atan(mu), degree = M_PI / 180;
+  {
+    auto engine = EngineOf(Incline(critical - 3 * degree, mu));
+    StepMany(engine.get(), 60);
+    const Body& block = engine->model().bodies[1];
+    const double settled = engine->state().position_m[block.first_particle].x();
+    StepMany(engine.get(), 40);
+    EXPECT_LT(std::abs(engine->state().position_m[block.first_particle].x() - settled), 1e-5);
+  }
+  const double angle = critical + 10 * degree, weight_n = 0.03 * 9.81;
+  auto engine = EngineOf(Incline(angle, mu));
+  const Body& block = engine->model().bodies[1];
+  StepMany(engine.get(), 20);
+  const Vec3 before = MomentumOf(*engine, block);
+  StepMany(engine.get(), 20);
+  const Vec3 force_n = (MomentumOf(*engine, block) - before) / (20 * 0.005);
+  // What presses is the weight and what sways; to a hundredth, since tissue dips under it.
+  const double pressed_n = weight_n * std::cos(angle) + force_n.z();
+  EXPECT_GT(force_n.x(), 0.1 * weight_n);
+  EXPECT_NEAR(force_n.x(), weight_n * std::sin(angle) - mu * pressed_n, 0.01 * weight_n);
+  EXPECT_LT(engine->state().ledger.sliding_j, 0);
 }
 
 // A bar pressed on a slab and dragged along itself: what it feels is what tissue gets, its work is
