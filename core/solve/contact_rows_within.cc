@@ -21,6 +21,20 @@ constexpr int kSearchAttempts = 12;
 constexpr double kFurthest = 256;   // of the way found
 constexpr double kSlopeLeft = 0.1;  // of the slope at the start, where a line search ends
 
+// What springs answer to speeds. Where a row slips, friction keeps its size: it answers across its
+// direction only.
+template <typename Row, typename Law>
+Vec3 Answer(const Row& row, const Law& law, const Vec3& speed_m_s) {
+  Vec3 answer = law.weight_kg.cwiseProduct(speed_m_s);
+  if (!(law.weight_kg(1) < law.most_kg[1])) return answer;
+  const Eigen::Vector2d missing = row.rub_speed_m_s +
+                                  law.multiplier_ns.template tail<2>() / law.most_kg[1] -
+                                  law.speed_m_s.template tail<2>();
+  const Eigen::Vector2d along = missing.normalized();
+  answer.template tail<2>() -= law.weight_kg(1) * along.dot(speed_m_s.tail<2>()) * along;
+  return answer;
+}
+
 }  // namespace
 
 void ContactRows::StartLaw(const Row& row, const State& state, const Motion& motion,
@@ -55,22 +69,20 @@ Vec3 ContactRows::ImpulseOf(const Row& row, const Law& law, const Vec3& speed_m_
   return impulse;
 }
 
-// The springs that have the laws' impulses at these speeds.
+// The springs that change impulses as the laws do at these speeds: none beyond what the adhesive
+// holds.
 void ContactRows::Linearise(const Row& row, Law* law) {
   const auto& [normal_kg, tangent_kg] = law->most_kg;
-  law->weight_kg.setZero();
-  if (const double impulse = law->impulse_ns(0); normal_kg > 0 && impulse != 0) {
-    const double target = impulse > 0 ? row.least_speed_m_s : row.most_speed_m_s;
-    const double missing = target + law->multiplier_ns(0) / normal_kg - law->speed_m_s(0);
-    law->weight_kg(0) = std::min(normal_kg, impulse / missing);
-  }
+  const double tension = row.touches ? row.tension_ns : 0;
+  const bool holds =
+      law->impulse_ns(0) > 0 || (law->impulse_ns(0) < 0 && law->impulse_ns(0) > -tension);
+  law->weight_kg << (holds ? normal_kg : 0), 0, 0;
   if (!(tangent_kg > 0)) return;
   const double missing =
       (row.rub_speed_m_s + law->multiplier_ns.tail<2>() / tangent_kg - law->speed_m_s.tail<2>())
           .norm();
-  if (!(missing > 0)) return;
-  const double rub_ns = law->impulse_ns.tail<2>().norm();
-  law->weight_kg.tail<2>().setConstant(std::min(tangent_kg, rub_ns / missing));
+  const bool slips = tangent_kg * missing > law->limit_ns;
+  law->weight_kg.tail<2>().setConstant(slips ? law->limit_ns / missing : tangent_kg);
 }
 
 // Impulses from the laws as they are; the residual follows.
@@ -194,8 +206,8 @@ void ContactRows::SearchAlong(const Within& within) {
     start += way.dot(residual);
     curvature += way.dot(residual - left_ns_[p].vec());
   }
-  for (const Law& law : laws_)
-    curvature -= law.weight_kg.dot(law.way_m_s.cwiseProduct(law.way_m_s));
+  for (std::size_t r = 0; r < rows_.size(); ++r)
+    curvature -= laws_[r].way_m_s.dot(Answer(rows_[r], laws_[r], laws_[r].way_m_s));
   const auto descent = [&](double part) {  // minus the slope
     double sum = start - part * curvature;
     for (std::size_t r = 0; r < rows_.size(); ++r) {
@@ -229,11 +241,10 @@ void ContactRows::SearchAlong(const Within& within) {
   }
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     Law& law = laws_[r];
+    const Vec3 answer = Answer(rows_[r], law, law.way_m_s);
     law.speed_m_s += part * law.way_m_s;
     const Vec3 impulse = ImpulseOf(rows_[r], law, law.speed_m_s);
-    AddTo(within.residual_ns, rows_[r],
-          impulse - law.impulse_ns + part * law.weight_kg.cwiseProduct(law.way_m_s),
-          *within.system);
+    AddTo(within.residual_ns, rows_[r], impulse - law.impulse_ns + part * answer, *within.system);
     law.impulse_ns = impulse;
   }
 }
@@ -248,7 +259,7 @@ double ContactRows::Multiply(const Within& within) {
       const Vec3 velocity = Moved(rows_[r].particle[i]);
       for (int k = 0; k < 3; ++k) law.along_m_s(k) += rows_[r].gradient[k][i].dot(velocity);
     }
-    const Vec3 impulse = law.weight_kg.cwiseProduct(law.along_m_s);
+    const Vec3 impulse = Answer(rows_[r], law, law.along_m_s);
     AddTo(product_, rows_[r], impulse, *within.system);
     sum += impulse.dot(law.along_m_s);
   }
