@@ -320,11 +320,13 @@ void Pipeline::Solve(double dt_s) {
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
     std::span<const double> multipliers;
-    if (StepsImplicitly()) {
-      implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_);
+    const bool implicit = StepsImplicitly();
+    if (implicit) {
+      implicit_->Solve(solver_->groups(), dt_s, &state_, AllForces(), &parallel_, &report_,
+                       solver_->sliding());
       multipliers = implicit_->row_multipliers();
     }
-    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers);
+    solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers, implicit);
     if (!adhesive_) return;
     int changes = 0, by_tools = 0;
     if (releasing && passes < kReleasePasses) {

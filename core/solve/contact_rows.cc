@@ -33,18 +33,28 @@ ContactRows::ContactRows(const Model& model) : model_(model), carried_(model) {
   impulse_ns_.assign(n, Vec3::Zero());
   stamp_.assign(n, 0);
   if (tools) touch_.assign(n, 0);
+  if (model.integrator != Integrator::kExplicit) {
+    laws_.reserve(rows_.capacity());
+    for (auto* array : {&direction_, &product_, &step_, &way_m_s_, &left_ns_})
+      array->assign(n, Padded{});
+  }
   if (carried_.empty()) return;
   carried_touching_.reserve(model.carried.size());
   carried_impulse_ns_.assign(n, Vec3::Zero());
 }
 
-void ContactRows::Collect(const State& state, const Motion& motion, const Tools& tools,
-                          double dt_s) {
+void ContactRows::Clear() {
   for (int p : acted_) impulse_ns_[p].setZero();
   acted_.clear();
   for (int p : carried_touching_) carried_impulse_ns_[p].setZero();
   carried_touching_.clear();
   rows_.clear();
+}
+
+void ContactRows::Collect(const State& state, const Motion& motion, const Tools& tools, double dt_s,
+                          bool within) {
+  Clear();
+  within_ = within;
   if (!possible()) return;
   for (std::size_t b = 0; b < state.contacts.bonds.size(); ++b) {
     if (!state.contacts.bonds[b].sliding || rows_.size() == rows_.capacity()) continue;
@@ -235,6 +245,9 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
   }
   if (bond.tool >= 0) then.gap_m = now.gap_m + dt_s * going;
   row.least_speed_m_s = std::min(0.0, going - (then.gap_m - std::min(rest_m, now.gap_m)) / dt_s);
+  row.most_speed_m_s = 0;
+  row.rub_speed_m_s.setZero();
+  if (within_) return row;
   // Turned round: see above.
   row.least_speed_m_s = std::min(row.least_speed_m_s, -going);
   row.most_speed_m_s = std::max(0.0, -going);
@@ -247,7 +260,6 @@ ContactRows::Row ContactRows::MakeRow(int b, const State& state, const Motion& m
     }
     rubbing(k) = Speed(row, k + 1, state, motion);
   }
-  row.rub_speed_m_s.setZero();
   if (rubbed.dot(rubbing) < 0)
     row.rub_speed_m_s = -std::min(1.0, rubbing.norm() / rubbed.norm()) * rubbed;
   return row;
@@ -301,7 +313,8 @@ std::span<const ContactRows::Node> ContactRows::NodesOfRow(
 }
 
 double ContactRows::Mobility(const Row& row, int direction, const State& state,
-                             std::span<const RigidGroup> groups) const {
+                             std::span<const RigidGroup> groups,
+                             const SubspaceSystem* system) const {
   double sum = 0, separately = 0;
   std::array<Node, 4 * kNodes> storage;
   const std::span<const Node> nodes = NodesOfRow(row, direction, &storage);
@@ -311,7 +324,7 @@ double ContactRows::Mobility(const Row& row, int direction, const State& state,
     if (model_.fixed[p]) continue;
     separately += g.squaredNorm() / (zone < 0 ? model_.mass_kg[p] : groups[zone].mass_kg);
     if (zone < 0) {
-      sum += g.squaredNorm() / model_.mass_kg[p];
+      sum += system ? g.dot(system->inverse_diagonal(p) * g) : g.squaredNorm() / model_.mass_kg[p];
       continue;
     }
     // Once a zone: all of its nodes together.
@@ -325,10 +338,11 @@ double ContactRows::Mobility(const Row& row, int direction, const State& state,
           (state.position_m[nodes[j].particle] - groups[zone].pivot_m).cross(nodes[j].gradient);
     }
     if (!first) continue;
-    const Twist response = groups[zone].Response(force, moment);
+    const Twist response =
+        system ? system->Response(zone, force, moment) : groups[zone].Response(force, moment);
     sum += force.dot(response.linear_m_s) + moment.dot(response.angular_rad_s);
   }
-  return sum > kNoMobility * separately ? sum : 0;
+  return system || sum > kNoMobility * separately ? sum : 0;
 }
 
 double ContactRows::Speed(const Row& row, int direction, const State& state,
@@ -341,16 +355,16 @@ double ContactRows::Speed(const Row& row, int direction, const State& state,
 }
 
 void ContactRows::Apply(const Row& row, int direction, double impulse, const State& state,
-                        const Motion& motion) {
+                        const Motion* motion) {
   if (impulse == 0) return;
   const auto give = [&](int p, const Vec3& share) {
     impulse_ns_[p] += share;
-    if (model_.fixed[p]) return;
+    if (model_.fixed[p] || !motion) return;
     const int zone = state.contacts.zone_of[p];
     if (zone < 0) {
-      motion.velocity_m_s[p] += share / model_.mass_kg[p];
+      motion->velocity_m_s[p] += share / model_.mass_kg[p];
     } else {
-      RigidGroup& group = motion.groups[zone];
+      RigidGroup& group = motion->groups[zone];
       group.AddImpulse(share, (state.position_m[p] - group.pivot_m).cross(share));
     }
   };
@@ -374,14 +388,11 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
       const double pull = row.impulse(0) + (row.most_speed_m_s - speed) / row.mobility[0];
       const double tension = row.touches ? row.tension_ns : 0;
       const double impulse = push > 0 ? push : std::max(std::min(pull, 0.0), -tension);
-      Apply(row, 0, impulse - row.impulse(0), state, motion);
+      Apply(row, 0, impulse - row.impulse(0), state, &motion);
       row.impulse(0) = impulse;
     }
     if (!(row.mobility[1] > 0)) continue;
-    // The adhesive acts across what is near enough to be captured.
-    const double limit = row.touches || row.impulse(0) > 0
-                             ? row.friction * std::max(row.impulse(0), 0.0) + row.shear_ns
-                             : 0;
+    const double limit = FrictionLimit(row, row.impulse(0));
     Eigen::Vector2d rubbing;
     for (int k = 0; k < 2; ++k) {
       const double missing = row.rub_speed_m_s(k) - Speed(row, k + 1, state, motion);
@@ -390,7 +401,7 @@ void ContactRows::Sweep(const State& state, const Motion& motion) {
     const double size = rubbing.norm();
     if (size > limit) rubbing *= limit / size;
     for (int k = 0; k < 2; ++k) {
-      Apply(row, k + 1, rubbing(k) - row.impulse(k + 1), state, motion);
+      Apply(row, k + 1, rubbing(k) - row.impulse(k + 1), state, &motion);
       row.impulse(k + 1) = rubbing(k);
     }
   }

@@ -1,14 +1,17 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <vector>
 
 #include "core/model/bond_geometry.h"
 #include "core/model/carried.h"
+#include "core/model/frame.h"
 #include "core/model/model.h"
 #include "core/model/state.h"
 #include "core/solve/rigid_group.h"
+#include "core/solve/subspace_system.h"
 
 namespace adhesim {
 
@@ -27,6 +30,10 @@ namespace adhesim {
 // sub-step and the row would stop it at zero; there it is let go back as fast as it came, -v, for
 // no work (the surfaces come as near as they were a sub-step ago and no nearer). So rows take
 // energy, but for what sweeps that have not converged leave.
+//
+// Where tissue is implicit, the rows are met through its matrix instead (MeetWithin): an impulse on
+// inertia alone would move stiff tissue far out of its balance. Forces act over dt v' there, and
+// impulses do the work J v': nothing needs to be let go back.
 class ContactRows {
  public:
   // Velocities that impulses change: of free particles [#particles], and of zones [#zones].
@@ -47,11 +54,32 @@ class ContactRows {
 
   // True when the scene can have such contacts.
   bool possible() const { return !impulse_ns_.empty(); }
-  // Makes a row of every bond that slides; `motion` is what happens without them.
-  void Collect(const State& state, const Motion& motion, const Tools& tools, double dt_s);
+  // Makes a row of every bond that slides; `motion` is what happens without them. `within`: they
+  // are going to be met within an implicit step.
+  void Collect(const State& state, const Motion& motion, const Tools& tools, double dt_s,
+               bool within = false);
+  bool within() const { return within_; }
   bool empty() const { return rows_.empty(); }
   // One pass over all rows.
   void Sweep(const State& state, const Motion& motion);
+
+  // What rows are met within in an implicit step.
+  struct Within {
+    SubspaceSystem* system;
+    // The unknown of its equation and what is left of it, rows' impulses so far included.
+    std::span<Padded> change_m_s, residual_ns;
+    double target, tolerance;  // what may be left: in the preconditioner's norm, relative
+    int max_iterations;        // of one of its solves
+    Parallel* parallel;
+    StepReport* report;
+  };
+  // Finds the impulses through the system's matrix, from those that the rows have now, and changes
+  // what is unknown with them; `motion` is at the unknown as it comes in. Gives the impulses to no
+  // velocities: ImpulseOn() has them. Returns the iterations of all solves.
+  int MeetWithin(const State& state, const Motion& motion, const Within& within);
+  // Forgets the rows.
+  void Clear();
+
   // The particles that rows move, ascending, and what they get in this sub-step, N s.
   std::span<const std::int32_t> particles() const { return acted_; }
   Vec3 ImpulseOn(int particle) const {
@@ -67,18 +95,19 @@ class ContactRows {
     Vec3 point_m;     // where
     Vec3 impulse_ns;  // on the tissue
     double work_j;
+    double end_work_j;  // with the tool's velocity in the sub-step alone
   };
   template <typename Visit>
   void ForEachOnTool(const Visit& visit) const {
     for (const Row& row : rows_) {
       if (row.tool < 0) continue;
       Vec3 impulse = Vec3::Zero();
-      double work_j = 0;
+      double work_j = 0, end_work_j = row.impulse.dot(row.tool_m_s);
       for (int k = 0; k < 3; ++k) {
         impulse += row.impulse(k) * row.direction[k];
         work_j += 0.5 * row.impulse(k) * (row.tool_before_m_s(k) + row.tool_m_s(k));
       }
-      visit(OnTool{row.tool, row.point_m, impulse, work_j});
+      visit(OnTool{row.tool, row.point_m, impulse, work_j, end_work_j});
     }
   }
 
@@ -130,14 +159,49 @@ class ContactRows {
   BondGeometry Predict(const Bond& bond, const BondGeometry& now, const State& state, double dt_s,
                        Vec3* weights) const;
   Vec3 Velocity(int particle, const State& state, const Motion& motion) const;
+  // 1/kg. Of inertia; with a system: of its diagonal blocks.
   double Mobility(const Row& row, int direction, const State& state,
-                  std::span<const RigidGroup> groups) const;
+                  std::span<const RigidGroup> groups, const SubspaceSystem* system = nullptr) const;
   double Speed(const Row& row, int direction, const State& state, const Motion& motion) const;
+  // `motion`: what it moves; null: nothing, it is only booked.
   void Apply(const Row& row, int direction, double impulse, const State& state,
-             const Motion& motion);
+             const Motion* motion);
+
+  // A row in an implicit step, along the normal and the tangents: a multiplier, and a spring beside
+  // it for what the multiplier misses.
+  struct Law {
+    Vec3 speed_m_s, multiplier_ns, impulse_ns;
+    double limit_ns;                // of friction
+    std::array<double, 2> most_kg;  // the springs' impulse a speed, along the normal and tangents
+    Vec3 weight_kg;           // likewise as the solve has them, softer or 0 beyond their limits
+    Vec3 along_m_s, way_m_s;  // what a search direction, and all of them, do to the speed
+  };
+  void StartLaw(const Row& row, const State& state, const Motion& motion, SubspaceSystem* system,
+                Law* law) const;
+  // N s along the surface; the adhesive acts across what is near enough to be captured.
+  static double FrictionLimit(const Row& row, double normal_ns) {
+    return row.touches || normal_ns > 0 ? row.friction * std::max(normal_ns, 0.0) + row.shear_ns
+                                        : 0;
+  }
+  static Vec3 ImpulseOf(const Row& row, const Law& law, const Vec3& speed_m_s);
+  static void Linearise(const Row& row, Law* law);
+  void Renew(const Within& within);
+  double Norm(const Within& within);
+  double ImpulseNorm() const;
+  double MissedSq() const;
+  int SolveLaws(const Within& within);
+  void SearchAlong(const Within& within);
+  double Multiply(const Within& within);
+  Vec3 Moved(int particle) const;
+  void AddTo(std::span<Padded> to, const Row& row, const Vec3& impulse,
+             const SubspaceSystem& system) const;
 
   const Model& model_;
   std::vector<Row> rows_;
+  bool within_ = false;  // they are met within an implicit step
+  // Of MeetWithin().
+  std::vector<Law> laws_;                                               // [#rows]
+  std::vector<Padded> direction_, product_, step_, way_m_s_, left_ns_;  // [#particles]
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
   CarriedLookup carried_;
@@ -147,6 +211,12 @@ class ContactRows {
   std::vector<double> touch_;             // [#particles] sum of weights in one tool's rows
   std::vector<std::int32_t> acted_;
   std::vector<std::uint8_t> stamp_;  // [#particles] in acted_ already
+};
+
+// The rows that an implicit step meets; none: null.
+struct SlidingContacts {
+  ContactRows* rows = nullptr;
+  ContactRows::Tools tools;
 };
 
 }  // namespace adhesim

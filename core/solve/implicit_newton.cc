@@ -34,7 +34,7 @@ double ImplicitSolver::NewtonResidual(double dt_s, const State& state, Parallel*
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
     residual_ns_[p].Set(dt_s * (explicit_n_[p] + elastic_n_[p] + damping_n_[p]) +
-                        rows_.ImpulseOn(static_cast<int>(p)) -
+                        InnerImpulse(static_cast<int>(p)) -
                         model_.mass_kg[p] * (velocity_m_s_[p] - state.velocity_m_s[p]));
   }
   return system_.Precondition(residual_ns_, product_, parallel);
@@ -81,10 +81,9 @@ void ImplicitSolver::SearchAlong(std::span<const Padded> direction, double dt_s,
 }
 
 // Rows and forces in turns: the multipliers' impulses are constant, so that each turn is a step of
-// its own. Where that leads away, rows are left to the rest of the step. In the end what is loose
-// is moved as a whole, as in linear steps.
-void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s,
-                                 const State& state, Parallel* parallel, StepReport* report) {
+// its own. Where that leads away, rows are left to the rest of the step.
+void ImplicitSolver::NewtonWithRows(std::span<const RigidGroup> groups, double dt_s,
+                                    const State& state, Parallel* parallel, StepReport* report) {
   IterateNewton(groups, dt_s, state, parallel, report);
   if (!rows_.empty()) without_rows_m_s_ = change_m_s_;
   double last = std::numeric_limits<double>::infinity();
@@ -103,6 +102,20 @@ void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s
     last = worst;
     rows_.Advance(change_m_s_, residual_ns_);
     IterateNewton(groups, dt_s, state, parallel, report);
+  }
+}
+
+// Contacts that slide and forces in turns likewise. In the end what is loose is moved as a whole,
+// as in linear steps.
+void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s,
+                                 const State& state, Parallel* parallel, StepReport* report) {
+  NewtonWithRows(groups, dt_s, state, parallel, report);
+  if (CollectSlides(groups, dt_s, state)) {
+    for (int turn = 0; turn < kSlideTurns; ++turn) {
+      const double target = std::max(effort_.tolerance * scale_, round_off_);
+      MeetSlides(groups, target, state, parallel, report);
+      NewtonWithRows(groups, dt_s, state, parallel, report);
+    }
   }
   for (int k = 0; k < kBalances; ++k) {
     system_.Balance(change_m_s_, residual_ns_);

@@ -58,6 +58,7 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
   for (auto* array : {&newton_, &last_residual_ns_}) array->assign(n, Padded{});
   if (damps_) damped_m_s_.assign(n, Vec3::Zero());
   if (!rows_.empty()) without_rows_m_s_.assign(n, Padded{});
+  groups_at_change_.reserve(n);
   for (auto* array : {&prescribed_m_s_, &change_m_s_, &residual_ns_, &direction_, &product_}) {
     array->assign(n, Padded{});
   }
@@ -180,7 +181,10 @@ bool ImplicitSolver::MovesFarWithin(double dt_s) const {
 }
 
 void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, State* state,
-                           const Forces& forces, Parallel* parallel, StepReport* report) {
+                           const Forces& forces, Parallel* parallel, StepReport* report,
+                           const SlidingContacts& slides) {
+  slides_ = slides;
+  if (slides_.rows) slides_.rows->Clear();
   system_.SetZones(*state, groups);
   Prescribe(*state, groups);
   iterations_ = 0;
@@ -194,6 +198,7 @@ void ImplicitSolver::Solve(std::span<const RigidGroup> groups, double dt_s, Stat
                    near_, true});
       Prescribe(*state, groups);
       rows_.Start();
+      if (slides_.rows) slides_.rows->Clear();
     }
   }
   if (by_newton_) SolveNewton(groups, dt_s, *state, parallel, report);
@@ -235,7 +240,7 @@ void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* p
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
     residual_ns_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
-                        dt_s * start_total_n_[p] + rows_.ImpulseOn(static_cast<int>(p)) -
+                        dt_s * start_total_n_[p] + InnerImpulse(static_cast<int>(p)) -
                         product_[p].vec());
   }
 }
@@ -257,6 +262,15 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
     LinearResidual(dt_s, state, parallel);
     system_.Balance(change_m_s_, residual_ns_);
   }
+  if (CollectSlides(groups, dt_s, state)) {
+    for (int turn = 0; turn < (rows_.empty() ? 1 : kSlideTurns); ++turn) {
+      MeetSlides(groups, std::max(effort_.tolerance * scale, round_off_), state, parallel, report);
+      if (rows_.empty()) break;
+      MeetRows(dt_s, state, parallel, report);
+      LinearResidual(dt_s, state, parallel);
+      system_.Balance(change_m_s_, residual_ns_);
+    }
+  }
   residual_sq_ = system_.Precondition(residual_ns_, direction_, parallel);
   if (!result.converged) report->bits |= kStepNotConverged;
   // What is not a number must not look like rest.
@@ -273,7 +287,7 @@ void ImplicitSolver::BalanceLinear(double dt_s, const State& state, Parallel* pa
     if (!system_.active(static_cast<int>(p))) continue;
     direction_[p].Set(prescribed_m_s_[p].vec() + change_m_s_[p].vec());
     product_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
-                    dt_s * start_total_n_[p] + rows_.ImpulseOn(static_cast<int>(p)) -
+                    dt_s * start_total_n_[p] + InnerImpulse(static_cast<int>(p)) -
                     residual_ns_[p].vec());
   }
   system_.SubtractHeld(prescribed_m_s_, product_);
@@ -346,9 +360,9 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
   for (int p = 0; p < model_.particle_count(); ++p) {
     const Vec3 momentum = model_.mass_kg[p] * velocity_m_s_[p];
     if (system_.active(p) && state.contacts.zone_of[p] < 0) {
-      forces.total[p] = (momentum + model_.mass_kg[p] * (arc_m_s_[p] - state.velocity_m_s[p]) -
-                         rows_.ImpulseOn(p)) /
-                        dt_s;
+      forces.total[p] =
+          (momentum + model_.mass_kg[p] * (arc_m_s_[p] - state.velocity_m_s[p]) - InnerImpulse(p)) /
+          dt_s;
     } else if (by_newton_) {
       forces.total[p] = explicit_n_[p] + elastic_n_[p] + damping_n_[p];
     } else {
@@ -376,7 +390,7 @@ void ImplicitSolver::MatchFreeZones(std::span<const RigidGroup> groups, double d
     for (int p : members) {
       if (!system_.active(p)) continue;
       const Vec3 missing = model_.mass_kg[p] * (velocity_m_s_[p] - state.velocity_m_s[p]) -
-                           dt_s * force_n[p] - rows_.ImpulseOn(p);
+                           dt_s * force_n[p] - InnerImpulse(p);
       impulse += missing;
       moment += (state.position_m[p] - group.pivot_m).cross(missing);
     }

@@ -9,6 +9,7 @@
 #include "core/model/frame.h"
 #include "core/model/state.h"
 #include "core/solve/arcs.h"
+#include "core/solve/contact_rows.h"
 #include "core/solve/implicit_rows.h"
 #include "core/solve/rigid_group.h"
 #include "core/solve/subspace_system.h"
@@ -31,7 +32,8 @@ namespace adhesim {
 // what tools and pins carry is the residual of the equation there.
 //
 // Constraint rows are met within the solve (implicit_rows.h). Their impulses are no part of the
-// forces handed on: row_multipliers() go with them.
+// forces handed on: row_multipliers() go with them. So it is with contacts that slide
+// (ContactRows::MeetWithin), whose rows keep their impulses themselves.
 //
 // Allocates at construction only.
 class ImplicitSolver {
@@ -67,10 +69,11 @@ class ImplicitSolver {
   // Once a sub-step: keeps the forces and makes A at the state's positions.
   void Begin(const State& state, std::span<const NearPair> near, const Forces& forces, double dt_s,
              Parallel* parallel);
-  // Once for every set of zones tried in it; `groups` are the zones', driven ones with the twist to
-  // come. Replaces the forces by effective ones and keeps the change of velocity in the state.
+  // Collects and meets the contacts that slide. Once for every set of zones tried in it; `groups`
+  // are the zones', driven ones with the twist to come. Replaces the forces by effective ones and
+  // keeps the change of velocity in the state.
   void Solve(std::span<const RigidGroup> groups, double dt_s, State* state, const Forces& forces,
-             Parallel* parallel, StepReport* report);
+             Parallel* parallel, StepReport* report, const SlidingContacts& slides = {});
 
   // Makes these zones those of system(), and `residual` [#particles] what the linear equation lacks
   // at the velocities before the step, at those of the groups where tools hold: N s, in the rows of
@@ -114,8 +117,20 @@ class ImplicitSolver {
   // the end is met on inertia alone.
   static constexpr int kRowIterations = 12;
   static constexpr double kRowTolerance = 1e-12;
+  static constexpr int kSlideTurns = 3;  // of contacts that slide with volumes, or Newton's forces
   double MeasureRows(double dt_s, const State& state);
   void MeetRows(double dt_s, const State& state, Parallel* parallel, StepReport* report);
+  void NewtonWithRows(std::span<const RigidGroup> groups, double dt_s, const State& state,
+                      Parallel* parallel, StepReport* report);
+  bool CollectSlides(std::span<const RigidGroup> groups, double dt_s, const State& state);
+  void MeetSlides(std::span<const RigidGroup> groups, double target, const State& state,
+                  Parallel* parallel, StepReport* report);
+  ContactRows::Motion MotionNow(std::span<const RigidGroup> groups, const State& state);
+  // N s, of all that is met within the solve.
+  Vec3 InnerImpulse(int p) const {
+    return slides_.rows ? Vec3(rows_.ImpulseOn(p) + slides_.rows->ImpulseOn(p))
+                        : rows_.ImpulseOn(p);
+  }
   void IterateNewton(std::span<const RigidGroup> groups, double dt_s, const State& state,
                      Parallel* parallel, StepReport* report);
   double Slope(std::span<const Padded> direction) const;
@@ -135,10 +150,12 @@ class ImplicitSolver {
   BlockMatrix matrix_;
   SubspaceSystem system_;
   ImplicitRows rows_;
-  std::vector<std::int32_t> diagonal_;  // [#particles] slots
-  bool by_newton_ = false;              // this sub-step
-  double nearest_m_ = 0;                // two particles that act on each other, at rest
-  bool damps_ = false;                  // some stiff effect has damping
+  SlidingContacts slides_;                    // of the solve that is being made
+  std::vector<RigidGroup> groups_at_change_;  // [#zones] at the velocities found so far
+  std::vector<std::int32_t> diagonal_;        // [#particles] slots
+  bool by_newton_ = false;                    // this sub-step
+  double nearest_m_ = 0;                      // two particles that act on each other, at rest
+  bool damps_ = false;                        // some stiff effect has damping
   std::span<const NearPair> near_;
   double scale_ = 0, round_off_ = 0;  // in the preconditioner's norm, N s scaled
   double residual_sq_ = 0;

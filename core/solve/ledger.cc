@@ -210,12 +210,13 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
 
   // Impulses of the constraints, of sliding contacts and of ties, and what fixed particles outside
   // zones take.
-  double volume = 0, sliding = 0, ties = 0;
+  double volume = 0, sliding = 0, sliding_at_end = 0, ties = 0;
   for (const auto& [begin, end] : awake) {
     for (int p = begin; p < end; ++p) {
       const Vec3 constraint = solver.ConstraintImpulse(p), contact = solver.SlidingImpulse(p);
       volume += 0.5 * constraint.dot(v[p] + kicked[p]);
       sliding += 0.5 * contact.dot(v[p] + kicked[p]);
+      sliding_at_end += contact.dot(kicked[p]);
       if (IsHeldAlone(model, state->contacts, p)) {
         const Vec3 impulse = -dt_s * total_force_n[p] - constraint - contact - solver.TieImpulse(p);
         got.linear += impulse;
@@ -231,6 +232,7 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     got.angular += on.point_m.cross(on.impulse_ns);
     tool_work += on.work_j;
     sliding -= on.work_j;
+    sliding_at_end -= on.end_work_j;
     const Vec3 arm = on.point_m - state->tools[on.tool].pose.position_m;
     tool_impulse[on.tool].force_n -= on.impulse_ns;
     tool_impulse[on.tool].torque_nm -= arm.cross(on.impulse_ns);
@@ -238,7 +240,11 @@ void BookStep(const Model& model, const ForcesByKind& forces, std::span<const Ve
     state->tools[on.tool].rubbed.torque_nm -= arm.cross(on.impulse_ns) / dt_s;
   });
   ledger.volume_j += volume;
-  ledger.sliding_j += sliding;
+  // Implicit forces act over dt v', and so do contacts within such a step: the rest of the kinetic
+  // energy that they change is part of what backward Euler takes.
+  const bool within = solver.slides().within();
+  ledger.sliding_j += within ? sliding_at_end : sliding;
+  if (within) ledger.numerical_j += sliding_at_end - sliding;
   ledger.tie_j += ties;
 
   // Zones: rotation of the free ones, tools' work, and what holds the held ones.

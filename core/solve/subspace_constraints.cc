@@ -179,6 +179,21 @@ void SubspaceSolver::MeetSlides(const State& state) {
   }
 }
 
+// Impulses that have been met already.
+void SubspaceSolver::GiveSlides(const State& state) {
+  for (int p : slides_.particles()) {
+    if (model_.fixed[p]) continue;
+    const Vec3 impulse = slides_.ImpulseOn(p);
+    const int zone = state.contacts.zone_of[p];
+    if (zone < 0) {
+      free_m_s_[p] += impulse.cwiseProduct(per_kg_[p]);
+    } else {
+      RigidGroup& group = groups_[zone];
+      group.AddImpulse(impulse, (state.position_m[p] - group.pivot_m).cross(impulse));
+    }
+  }
+}
+
 // Of sliding contacts at kicked_m_s_, in pairs of surfaces: without what tools do.
 double SubspaceSolver::SlidingWork(const State& state) const {
   double work_j = 0;

@@ -123,7 +123,7 @@ void SubspaceSolver::Capture(State* state, std::span<Wrench> tool_impulse) {
 
 void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, double dt_s,
                          Parallel* parallel, StepReport* report,
-                         std::span<const double> multipliers) {
+                         std::span<const double> multipliers, bool slides_met) {
   parallel->VectorFor(static_cast<int>(parts_.size()), part_grain_, [&](int begin, int end) {
     const double *v = Flat(state.velocity_m_s), *f = Flat(force_n), *per_kg = Flat(per_kg_);
     double* free = Flat(free_m_s_);
@@ -142,7 +142,9 @@ void SubspaceSolver::Try(const State& state, std::span<const Vec3> force_n, doub
   }
   ties_.Collect(state, groups_, per_kg_, dt_s);
   if (!ties_.empty()) StartTies(state);
-  if (slides_.possible()) {
+  if (slides_met) {
+    GiveSlides(state);
+  } else if (slides_.possible()) {
     KickAll(state);
     slides_.Collect(state, {kicked_m_s_, groups_}, tools_, dt_s);
     if (!slides_.empty()) MeetSlides(state);

@@ -40,9 +40,11 @@ class SubspaceSolver {
   // What tools do in the coming sub-step, for contacts that slide on them; spans must stay.
   void SetTools(const ContactRows::Tools& tools) { tools_ = tools; }
   // Tries a sub-step of `dt_s` under `force_n` [#particles]. `multipliers` [#rows], N s: where
-  // those of the constraints begin; empty: at zero.
+  // those of the constraints begin; empty: at zero. `slides_met`: sliding() has its impulses.
   void Try(const State& state, std::span<const Vec3> force_n, double dt_s, Parallel* parallel,
-           StepReport* report, std::span<const double> multipliers = {});
+           StepReport* report, std::span<const double> multipliers = {}, bool slides_met = false);
+  // For what meets the contacts that slide before a trial.
+  SlidingContacts sliding() { return {&slides_, tools_}; }
   // N, [#particles]: the force that its zone has to carry on each member, over the whole sub-step,
   // rotation included.
   std::span<const Vec3> load_n() const { return load_n_; }
@@ -126,6 +128,7 @@ class SubspaceSolver {
   }
   void StopConstraints(const State& state);
   void MeetSlides(const State& state);
+  void GiveSlides(const State& state);
   double SlidingWork(const State& state) const;
   void ApplyAll(const State& state, std::span<const double> x, std::span<double> y);
   void SolveAll(const State& state, std::span<const double> rhs, double least_sq,

@@ -156,6 +156,16 @@ void SubspaceSystem::SetZones(const State& state, std::span<const RigidGroup> gr
   FindLoose(state, groups);
 }
 
+Twist SubspaceSystem::Response(int zone, const Vec3& impulse, const Vec3& moment) const {
+  const auto at = std::lower_bound(zones_.begin(), zones_.end(), zone,
+                                   [](const ZoneInverse& z, int id) { return z.zone < id; });
+  if (at == zones_.end() || at->zone != zone) return {};
+  Vec6 wrench;
+  wrench << impulse, moment;
+  const Vec6 twist = at->inverse * wrench;
+  return {twist.head<3>(), twist.tail<3>()};
+}
+
 double SubspaceSystem::SumChunks() const {
   double sum = 0;
   for (double part : chunk_sum_) sum += part;

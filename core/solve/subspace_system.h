@@ -79,6 +79,9 @@ class SubspaceSystem {
   // The sum of f.A_ii^-1 f over all particles, whether they can move or not.
   double DiagonalNormSq(std::span<const Vec3> f) const;
   const Mat3& inverse_diagonal(int p) const { return inverse_diagonal_[p]; }
+  // What a zone's block answers to an impulse and its moment about the zone's pivot; nothing where
+  // it is held.
+  Twist Response(int zone, const Vec3& impulse, const Vec3& moment) const;
 
   struct Result {
     int iterations = 0;
