@@ -39,8 +39,6 @@ void ImplicitSolver::MeetSlides(std::span<const RigidGroup> groups, double targe
       system_.Solve(target, model_.max_iterations, change_m_s_, residual_ns_, parallel);
   iterations_ += result.iterations;
   if (!result.converged) report->bits |= kStepNotConverged;
-  system_.BalanceTurns(change_m_s_, residual_ns_, parallel);
-  system_.Balance(change_m_s_, residual_ns_);
 }
 
 }  // namespace adhesim

@@ -265,6 +265,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
   if (CollectSlides(groups, dt_s, state)) {
     for (int turn = 0; turn < (rows_.empty() ? 1 : kSlideTurns); ++turn) {
       MeetSlides(groups, std::max(effort_.tolerance * scale, round_off_), state, parallel, report);
+      BalanceLinear(dt_s, state, parallel);
       if (rows_.empty()) break;
       MeetRows(dt_s, state, parallel, report);
       LinearResidual(dt_s, state, parallel);
