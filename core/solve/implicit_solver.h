@@ -23,7 +23,7 @@ namespace adhesim {
 //   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
 // c the way from tangents to arcs of free bodies that turn (Arcs).
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search. A
-// linear step that moves tissue far against itself is made again so.
+// linear step that moves tissue far against itself, and gains energy, is made again so.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
 // So projection, loads, release, wrenches and ledgers need not know how a step was made. On free
@@ -99,6 +99,7 @@ class ImplicitSolver {
  private:
   static BlockMatrix MatrixOf(const Model& model, const std::vector<StiffEffect>& effects);
   bool MovesFarWithin(double dt_s) const;
+  bool GainsEnergy(const ForceInput& start, double dt_s);
   void StartNewton(const ForceInput& in);
   void Assemble(const ForceInput& in, double dt_s);
   ForceInput InputOf(const StiffEffect& stiff, const ForceInput& all) const;

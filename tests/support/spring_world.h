@@ -116,8 +116,6 @@ class SpringWorld {
     model.bodies.resize(1);
     model.bodies[0].particle_count = static_cast<int>(n);
     state.position_m = model.rest_position_m;
-    // Linear steps are tested here, however fast: nothing may look near to what it acts on.
-    for (Vec3& x : model.rest_position_m) x *= 1000;
     state.velocity_m_s = model.initial_velocity_m_s;
     state.velocity_change_m_s.assign(n, Vec3::Zero());
     state.contacts.zone_of.assign(n, -1);
