@@ -55,6 +55,8 @@ class ImplicitRows {
 
   // g_r.v, m^-1 of such speeds, and w_r.f [#rows]: for what else is solved with A.
   double SpeedOf(std::size_t row, std::span<const Padded> velocity_m_s) const;
+  // g_r.v that would end the error last measured.
+  double MissingSpeed(std::size_t r) const { return speed_[r]; }
   const ConstraintRow& row(std::size_t r) const { return row_[r]; }
   const Vec3& gradient(int p) const { return gradient_[p]; }
   void AnswerTo(std::span<const double> speed, std::span<double> answer);

@@ -9,6 +9,8 @@ namespace {
 
 // A row's spring against what its particles would yield if each were alone.
 constexpr double kRowStiffness = 1e8;
+// Of what a row's particles would yield: less is nothing.
+constexpr double kNothingFree = 1e-9;
 
 }  // namespace
 
@@ -17,6 +19,7 @@ ToolSystem::ToolSystem(const Model& model, std::size_t rows)
   for (auto* array : {&change_m_s_, &residual_ns_, &direction_, &product_, &step_}) {
     array->assign(model.rest_position_m.size(), Padded{});
   }
+  if (rows > 0) position_m_ = model.rest_position_m;
   for (Tool& tool : tools_) tool.gradient.assign(rows, Vec6::Zero());
 }
 
@@ -47,9 +50,11 @@ void ToolSystem::SetMembers(const Tool& tool, const Vec6& twist, std::span<Padde
   }
 }
 
-void ToolSystem::MakeRows(std::span<const RigidGroup> groups) {
+void ToolSystem::MakeRows(std::span<const RigidGroup> groups, double dt_s) {
   if (rows_.empty()) return;
-  const ImplicitRows& rows = solver_->rows();
+  ImplicitRows& rows = solver_->rows();
+  position_m_ = state_->position_m;
+  rows.Measure(dt_s, position_m_);
   SubspaceSystem& system = solver_->system();
   system.SetZones(*state_, groups);
   for (std::size_t r = 0; r < rows.count(); ++r) {
@@ -63,12 +68,10 @@ void ToolSystem::MakeRows(std::span<const RigidGroup> groups) {
       if (system.active(p)) free += yields;
       speed += g.dot(state_->velocity_m_s[p]);
     }
-    if (!(alone > 0)) {
-      rows_[r] = {};
-      continue;
-    }
-    const double stiffness = kRowStiffness / alone;
-    rows_[r] = {stiffness, free > 0 ? std::min(stiffness, 1 / free) : stiffness, -speed};
+    const bool covered = alone > 0 && free <= kNothingFree * alone;
+    // What has grown, as by a tool that tilts, is taken back at once.
+    const double lacks = std::min(rows.MissingSpeed(r), 0.0) - speed;
+    rows_[r] = covered ? Spring{kRowStiffness / alone, lacks} : Spring{};
   }
 }
 
@@ -109,7 +112,7 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
     if (zone.tool >= 0 && !zone.holds_sleepers) tools_[zone.tool].zone = static_cast<int>(z);
   }
   const SubspaceSystem& system = solver->system();
-  MakeRows(groups);
+  MakeRows(groups, dt_s);
   bool stiff = false;
   for (std::size_t t = 0; t < tools_.size(); ++t) {
     Tool& tool = tools_[t];
@@ -126,7 +129,7 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
       tool.gradient[r] = GradientOf(tool, r);
       const Mat6 square = tool.gradient[r] * tool.gradient[r].transpose();
       tool.members += rows_[r].stiffness * square;
-      spare -= rows_[r].felt * square;
+      spare -= rows_[r].stiffness * square;
     }
     stiff = stiff || Eigen::LLT<Mat6>(spare).info() != Eigen::Success;
   }

@@ -61,14 +61,13 @@ class ToolSystem {
   };
   struct Spring {
     double stiffness = 0;  // rho, kg over the gradient's square; 0: nothing of it can move
-    double felt = 0;       // the same at most, where free particles yield
     double lacks_m_s = 0;  // of g.v, before the step
   };
   // J^T of rows of members: of A x, or of x itself.
   template <typename Row>
   Vec6 SumOverMembers(const Tool& tool, const Row& row) const;
   void SetMembers(const Tool& tool, const Vec6& twist, std::span<Padded> x) const;
-  void MakeRows(std::span<const RigidGroup> groups);
+  void MakeRows(std::span<const RigidGroup> groups, double dt_s);
   // J^T g_r.
   Vec6 GradientOf(const Tool& tool, std::size_t row) const;
   void Push(std::size_t row, double impulse_ns);
@@ -79,9 +78,10 @@ class ToolSystem {
   const Model& model_;
   ImplicitSolver* solver_ = nullptr;
   const State* state_ = nullptr;
-  std::vector<Tool> tools_;   // [#tools]
-  std::vector<Spring> rows_;  // [#rows]
-  bool pushed_ = false;       // what rows lack is in the residuals
+  std::vector<Tool> tools_;       // [#tools]
+  std::vector<Spring> rows_;      // [#rows]
+  std::vector<Vec3> position_m_;  // [#particles]
+  bool pushed_ = false;           // what rows lack is in the residuals
   std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;  // [#particles]
 };
 
