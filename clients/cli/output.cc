@@ -22,10 +22,24 @@ void PrintJson(const Json& json) {
   std::cout << json.dump(-1, ' ', false, Json::error_handler_t::replace) << std::endl;
 }
 
-absl::Status WriteTextFile(const std::string& path, const std::string& text) {
+namespace {
+
+void MakeFolderOf(const std::string& path) {
   std::error_code ignored;
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   if (!folder.empty()) std::filesystem::create_directories(folder, ignored);
+}
+
+}  // namespace
+
+absl::Status CheckWritable(const std::string& path) {
+  MakeFolderOf(path);
+  if (std::ofstream(path, std::ios::app)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+}
+
+absl::Status WriteTextFile(const std::string& path, const std::string& text) {
+  MakeFolderOf(path);
   std::ofstream file(path, std::ios::binary);
   file << text;
   file.close();

@@ -18,6 +18,10 @@ bool ColourOnStderr();
 // One object to stdout, on one line.
 void PrintJson(const Json& json);
 
+// Whether a file can be written, making the folders above it and, where there is none, the file:
+// before what takes long. Errors: InvalidArgument.
+absl::Status CheckWritable(const std::string& path);
+
 // Writes a file, making the folders above it. Errors: InvalidArgument.
 absl::Status WriteTextFile(const std::string& path, const std::string& text);
 

@@ -41,7 +41,8 @@ class AccuracyCommand : public test::CommandTest {
 };
 
 TEST_F(AccuracyCommand, WritesNumbersAndAPageThatStandsAlone) {
-  ASSERT_EQ(Run(File("block.yaml") + quick_ + " --json - --html " + File("page.html")), 0)
+  ASSERT_EQ(Run(File("block.yaml") + quick_ + " --json - --html " + File("new/folder/page.html")),
+            0)
       << Read("err");
   const Json report = Json::parse(Read("out"));
   for (const char* field :
@@ -65,7 +66,7 @@ TEST_F(AccuracyCommand, WritesNumbersAndAPageThatStandsAlone) {
   EXPECT_GE(rivals, 3);
   EXPECT_THAT(report["rival"].get<std::string>(), HasSubstr("Bullet"));
 
-  const std::string page = Read("page.html");
+  const std::string page = Read("new/folder/page.html");
   EXPECT_THAT(page, HasSubstr("<svg"));
   EXPECT_THAT(page, HasSubstr("class=\"fails\">failed"));
   EXPECT_THAT(page, HasSubstr("Recommendation"));
@@ -95,8 +96,8 @@ TEST_F(AccuracyCommand, RefusesBadInputAndTellsWhenTheTimeIsTooShort) {
   EXPECT_EQ(Run(File("none.yaml")), 2);
   EXPECT_EQ(Run(File("block.yaml") + " --repeats 0"), 2);
   EXPECT_EQ(Run(File("block.yaml") + " --apply --set rate_hz=50"), 2);
-  EXPECT_EQ(Run(File("block.yaml") + quick_ + " --html /no/such/folder/page.html"), 2);
-  EXPECT_THAT(Read("err"), HasSubstr("cannot write /no/such/folder/page.html"));
+  EXPECT_EQ(Run(File("block.yaml") + quick_ + " --html " + File("block.yaml") + "/page.html"), 2);
+  EXPECT_THAT(Read("err"), HasSubstr("cannot write " + File("block.yaml") + "/page.html"));
   EXPECT_THAT(Read("err"), Not(HasSubstr("...")));  // before the study, not after it
   // Hours of simulated time do not fit into a tenth of a second.
   EXPECT_EQ(Run(File("block.yaml") + " --seconds 10000 --budget-s 0.1"), 1);
