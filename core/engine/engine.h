@@ -87,8 +87,8 @@ class Engine {
   // Kinetic plus elastic energy now, J. May allocate.
   virtual double MechanicalEnergy() const = 0;
   // What steps keep instead, J. In implicit ones it is the same. Explicit ones are symplectic: of
-  // springs they keep H + dt/2 f.v exactly, while H itself swings about it by up to w dt / 2 (half
-  // of it at the default fraction of the stability bound) without ever growing (Hairer, Lubich,
+  // springs they keep H + dt/2 f.v exactly, while H itself swings about it by up to its w dt / 2-th
+  // part (0.5 at the default fraction of the stability bound) without ever growing (Hairer, Lubich,
   // Wanner: Geometric Numerical Integration, chapter IX). May allocate.
   virtual double KeptEnergy() const { return MechanicalEnergy(); }
 

@@ -21,9 +21,10 @@ namespace adhesim {
 //
 // Linearly implicit: one linear system for dv = v_{n+1} - v_n,
 //   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
-// c the way from tangents to arcs of free bodies that turn (Arcs).
+// c the way from tangents to arcs of bodies that turn (Arcs).
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search. A
-// linear step that moves tissue far against itself, and gains energy, is made again so.
+// linear step that moves tissue far against itself, and gains energy, is made again so; one in
+// which a body turns far is made so at once.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
 // So projection, loads, release, wrenches and ledgers need not know how a step was made. On free

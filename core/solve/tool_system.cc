@@ -84,21 +84,13 @@ Vec6 ToolSystem::GradientOf(const Tool& tool, std::size_t row) const {
   });
 }
 
-void ToolSystem::AddGradient(std::size_t row, double factor, std::span<Padded> x) const {
-  const ImplicitRows& rows = solver_->rows();
-  const ConstraintRow& range = rows.row(row);
-  for (int p = range.first; p < range.first + range.count; ++p) {
-    if (!solver_->system().active(p)) continue;
-    for (int k = 0; k < 3; ++k) x[p].v[k] += factor * rows.gradient(p)(k);
+// g.v of tools' motions: of a covered row nothing else moves.
+double ToolSystem::RowSpeed(std::size_t row, Vec6 Tool::*motion) const {
+  double sum = 0;
+  for (const Tool& tool : tools_) {
+    if (tool.zone >= 0) sum += tool.gradient[row].dot(tool.*motion);
   }
-}
-
-// An impulse along a row's gradient into the residuals.
-void ToolSystem::Push(std::size_t row, double impulse_ns) {
-  AddGradient(row, impulse_ns, residual_ns_);
-  for (Tool& tool : tools_) {
-    if (tool.zone >= 0) tool.residual += impulse_ns * tool.gradient[row];
-  }
+  return sum;
 }
 
 bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
@@ -168,9 +160,8 @@ double ToolSystem::Multiply(Parallel* parallel) {
     sum += tool.direction.dot(tool.product);
   }
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const double speed = solver_->rows().SpeedOf(r, direction_);
+    const double speed = RowSpeed(r, &Tool::direction);
     const double push = rows_[r].stiffness * speed;
-    AddGradient(r, push, product_);
     for (Tool& tool : tools_) {
       if (tool.zone >= 0) tool.product += push * tool.gradient[r];
     }
@@ -197,7 +188,12 @@ void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* 
   double rz = Precondition(parallel), beta = 0;
   const double target = solver_->Target(std::sqrt(rz));  // of forces, not of springs
   if (!pushed_) {
-    for (std::size_t r = 0; r < rows_.size(); ++r) Push(r, rows_[r].stiffness * rows_[r].lacks_m_s);
+    for (std::size_t r = 0; r < rows_.size(); ++r) {
+      for (Tool& tool : tools_) {
+        if (tool.zone < 0) continue;
+        tool.residual += rows_[r].stiffness * rows_[r].lacks * tool.gradient[r];
+      }
+    }
     pushed_ = true;
     rz = Precondition(parallel);
   }
@@ -229,9 +225,8 @@ void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* 
     rz = next;
   }
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    ImplicitRows& rows = solver_->rows();
-    const double lacks = rows_[r].lacks_m_s - rows.SpeedOf(r, change_m_s_);
-    rows.SetStart(r, rows_[r].stiffness * lacks);
+    const double lacks = rows_[r].lacks - RowSpeed(r, &Tool::change);
+    solver_->rows().SetStart(r, rows_[r].stiffness * lacks);
   }
 }
 

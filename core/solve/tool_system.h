@@ -22,9 +22,9 @@ namespace adhesim {
 // conjugate gradients with the blocks of SubspaceSystem and of the tools as preconditioner; only du
 // is kept, and dv as the start of the step's own solve, to which the tools are prescribed.
 //
-// Constraint rows (ImplicitRows) take part as springs, rho g g^T with rho far above what tissue
-// answers: a tool that holds all of a kept volume that could move feels that it does not yield.
-// What the springs exert is where the rows' multipliers start.
+// Where tools hold all that could move of a constraint row (ImplicitRows), it takes part as a
+// spring on their twists, rho (J^T g) (J^T g)^T with rho far above what tissue answers: they feel
+// that a volume does not yield. What the spring exerts is where the row's multiplier starts.
 //
 // Allocates at construction only.
 class ToolSystem {
@@ -60,8 +60,8 @@ class ToolSystem {
     std::vector<Vec6> gradient;  // [#rows] J^T g_r
   };
   struct Spring {
-    double stiffness = 0;  // rho, kg over the gradient's square; 0: nothing of it can move
-    double lacks_m_s = 0;  // of g.v, before the step
+    double stiffness = 0;  // rho, kg over the gradient's square; 0: something else yields
+    double lacks = 0;      // of g.v, before the step: the gradient's unit times m/s
   };
   // J^T of rows of members: of A x, or of x itself.
   template <typename Row>
@@ -70,8 +70,7 @@ class ToolSystem {
   void MakeRows(std::span<const RigidGroup> groups, double dt_s);
   // J^T g_r.
   Vec6 GradientOf(const Tool& tool, std::size_t row) const;
-  void Push(std::size_t row, double impulse_ns);
-  void AddGradient(std::size_t row, double factor, std::span<Padded> x) const;
+  double RowSpeed(std::size_t row, Vec6 Tool::*motion) const;
   double Precondition(Parallel* parallel);
   double Multiply(Parallel* parallel);
 
