@@ -15,7 +15,7 @@ constexpr double kLeastAngle = 1e-7;
 Arcs::Arcs(const Model& model) : model_(model) {
   for (const Body& body : model.bodies) {
     const bool tissue = body.tetrahedron_count > 0 && !body.rigid;
-    of_.push_back({tissue, false, Vec3::Zero(), Mat3::Zero()});
+    of_.push_back({tissue, false, Vec3::Zero(), Vec3::Zero(), Mat3::Zero()});
   }
 }
 
@@ -75,6 +75,7 @@ void Arcs::Update(const State& state, double dt_s) {
     arc.turns = true;
     widest_rad_ = std::max(widest_rad_, dt_s * w.norm());
     arc.centre_m = origin + centre;
+    arc.turn_rad_s = w;
     arc.bend = (RotationStep(w, dt_s).toRotationMatrix() - Mat3::Identity()) / dt_s;
     arc.bend -= CrossMatrix(w);
   }

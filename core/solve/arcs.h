@@ -30,6 +30,7 @@ class Arcs {
   void Update(const State& state, double dt_s);
   // The widest turn of a body in the step, rad.
   double widest_rad() const { return widest_rad_; }
+  bool turns(int body) const { return of_[body].turns; }
   // c of a particle at x, m/s.
   Vec3 At(int body, const Vec3& x) const {
     return of_[body].turns ? Vec3(of_[body].bend * (x - of_[body].centre_m)) : Vec3::Zero();
@@ -40,11 +41,16 @@ class Arcs {
     return of_[body].turns ? Vec3(of_[body].bend.transpose() * (x - of_[body].centre_m))
                            : Vec3::Zero();
   }
+  // w x (x - x_c), the tangent of that turn, m/s.
+  Vec3 Turning(int body, const Vec3& x) const {
+    return of_[body].turns ? Vec3(of_[body].turn_rad_s.cross(x - of_[body].centre_m))
+                           : Vec3::Zero();
+  }
 
  private:
   struct Arc {
     bool tissue, turns;
-    Vec3 centre_m;
+    Vec3 centre_m, turn_rad_s;
     Mat3 bend;  // 1/s
   };
   Hold HoldOf(const Body& body, const State& state, int* about) const;

@@ -54,7 +54,7 @@ ImplicitSolver::ImplicitSolver(const Model& model, std::vector<StiffEffect> effe
     diagonal_.push_back(matrix_.Slot(static_cast<int>(p), static_cast<int>(p)));
   }
   for (auto* array : {&start_elastic_n_, &start_damping_n_, &start_total_n_, &elastic_n_,
-                      &damping_n_, &position_m_, &velocity_m_s_, &arc_m_s_}) {
+                      &damping_n_, &position_m_, &velocity_m_s_, &arc_m_s_, &turning_ns_}) {
     array->assign(n, Vec3::Zero());
   }
   explicit_n_.assign(n, Vec3::Zero());
@@ -115,7 +115,11 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   }
   SetScale(state, dt_s);
   if (!rows_.empty()) rows_.Begin(state.position_m);
-  if (by_newton_) StartNewton(in);
+  if (by_newton_) {
+    StartNewton(in);
+  } else {
+    FindTurning(state);
+  }
 }
 
 void ImplicitSolver::StartNewton(const ForceInput& in) {
@@ -158,6 +162,28 @@ void ImplicitSolver::Prescribe(const State& state, std::span<const RigidGroup> g
     }
     change_m_s_[p] = Padded{};
   }
+}
+
+// What just turning changes of forces that were made linear, with the sign of A's product: tissue
+// in which there is stress has stiffness against it (K (w x r) = -w x f where K is exact), which is
+// no force of a step that goes from tangent to tangent: f itself leads from one chord to the next.
+// Turned with the body, it took angular momentum by a^2 a step.
+void ImplicitSolver::FindTurning(const State& state) {
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    direction_[p].Set(arcs_.Turning(model_.body_of[p], state.position_m[p]));
+  }
+  for (int p = 0; p < model_.particle_count(); ++p) {
+    turning_ns_[p].setZero();
+    if (!arcs_.turns(model_.body_of[p]) || model_.fixed[p]) continue;
+    turning_ns_[p] = system_.MultiplyRow(p, direction_) - model_.mass_kg[p] * direction_[p].vec();
+  }
+}
+
+// What the linear equation asks of A u, but for what is met within it: u = v_{n+1} - c, f without
+// the damping of stiff effects, which is linear.
+Vec3 ImplicitSolver::Asked(int p, double dt_s, const State& state) const {
+  return model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) + dt_s * start_total_n_[p] +
+         turning_ns_[p];
 }
 
 // Whether some two particles that act on each other come by more than a part of their distance at
@@ -246,13 +272,10 @@ void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt
     if (model_.fixed[p] || !(model_.mass_kg[p] > 0)) continue;
     const Vec3 product =
         system_.active(p) ? product_[p].vec() : system_.MultiplyRow(p, prescribed_m_s_);
-    const Vec3 velocity = state.velocity_m_s[p] - arc_m_s_[p];
-    residual[p].Set(model_.mass_kg[p] * velocity + dt_s * start_total_n_[p] - product);
+    residual[p].Set(Asked(p, dt_s, state) - product);
   }
 }
 
-// In terms of u = v_{n+1} - c: A u = M (v_n - c) + dt f, f without the damping of stiff effects,
-// which is linear.
 void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* parallel) {
   for (std::size_t p = 0; p < direction_.size(); ++p) {
     for (int k = 0; k < 3; ++k) {
@@ -263,9 +286,8 @@ void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* p
   for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
     residual_ns_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
-                        dt_s * start_total_n_[p] + InnerImpulse(static_cast<int>(p)) -
-                        product_[p].vec());
+    residual_ns_[p].Set(Asked(static_cast<int>(p), dt_s, state) +
+                        InnerImpulse(static_cast<int>(p)) - product_[p].vec());
   }
 }
 
@@ -311,8 +333,7 @@ void ImplicitSolver::BalanceLinear(double dt_s, const State& state, Parallel* pa
     direction_[p] = product_[p] = Padded{};
     if (!system_.active(static_cast<int>(p))) continue;
     direction_[p].Set(prescribed_m_s_[p].vec() + change_m_s_[p].vec());
-    product_[p].Set(model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) +
-                    dt_s * start_total_n_[p] + InnerImpulse(static_cast<int>(p)) -
+    product_[p].Set(Asked(static_cast<int>(p), dt_s, state) + InnerImpulse(static_cast<int>(p)) -
                     residual_ns_[p].vec());
   }
   system_.SubtractHeld(prescribed_m_s_, product_);
@@ -391,7 +412,8 @@ void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double 
     } else if (by_newton_) {
       forces.total[p] = explicit_n_[p] + elastic_n_[p] + damping_n_[p];
     } else {
-      forces.total[p] = start_total_n_[p] + (momentum - system_.MultiplyRow(p, product_)) / dt_s;
+      forces.total[p] =
+          start_total_n_[p] + (momentum + turning_ns_[p] - system_.MultiplyRow(p, product_)) / dt_s;
     }
   }
   MatchFreeZones(groups, dt_s, state, forces.total);

@@ -107,6 +107,8 @@ class ImplicitSolver {
   double EvaluateStiff(const ForceInput& all);
   void SetScale(const State& state, double dt_s);
   void Prescribe(const State& state, std::span<const RigidGroup> groups);
+  void FindTurning(const State& state);
+  Vec3 Asked(int p, double dt_s, const State& state) const;
   void LinearResidual(double dt_s, const State& state, Parallel* parallel);
   void SolveLinear(std::span<const RigidGroup> groups, double dt_s, const State& state,
                    Parallel* parallel, StepReport* report);
@@ -169,7 +171,8 @@ class ImplicitSolver {
   std::vector<Vec3> position_m_, velocity_m_s_;  // where they were
   std::vector<double> effect_state_;
   Arcs arcs_;
-  std::vector<Vec3> arc_m_s_;  // linear steps: c, see Arcs; 0 where zones turn by themselves
+  std::vector<Vec3> arc_m_s_;     // linear steps: c, see Arcs; 0 where zones turn by themselves
+  std::vector<Vec3> turning_ns_;  // linear steps: see FindTurning()
   // Where the search starts: v_n, in linear steps on the tangent at x_n, so that what just turns
   // has no strain in it. What is held: its velocity to come.
   std::vector<Padded> prescribed_m_s_;
