@@ -137,7 +137,7 @@ TEST(SceneFile, ReportsErrorsOfRungsThatNobodyMeasured) {
   EXPECT_THAT(errors("  iterations: {position_error: .nan}\n"),
               HasSubstr("s.yaml:3:32: error: rungs.iterations.position_error: expected a finite"));
   EXPECT_THAT(errors("  iterations: {force_error: 0.1}\n"),
-              HasSubstr("s.yaml:3:3: error: rungs.iterations.position_error: required"));
+              HasSubstr("s.yaml:3:15: error: rungs.iterations.position_error: required"));
   EXPECT_THAT(errors("  stifness: {position_error: 0.1}\n"),
               HasSubstr("s.yaml:3:3: error: rungs.stifness: unknown field 'stifness' in Rungs (did "
                         "you mean 'stiffness'?)"));

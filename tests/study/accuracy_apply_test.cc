@@ -33,7 +33,7 @@ AccuracyRung Rung(const std::string& name, std::optional<double> force,
 
 TEST(AccuracyRungs, AreWrittenAsNoLessThanWasMeasured) {
   const auto message = RungsMessage(
-      std::vector{Rung("iterations", 0.02101, 3.3e-7), Rung("stiffness", 0.99, 0)}, true);
+      std::vector{Rung("iterations", 0.02101, 3.31e-7), Rung("stiffness", 0.99, 0)}, true);
   ASSERT_TRUE(message.ok()) << message.status();
   EXPECT_EQ(message->iterations().force_error(), 0.022);
   EXPECT_EQ(message->iterations().position_error(), 3.4e-7);
