@@ -92,6 +92,7 @@ void EncodeFidelity(const SessionFidelity& fidelity, v1::FidelityState* message)
       fidelity.rungs > 0 ? fidelity.lowered[fidelity.rungs - 1] : FidelityRung{};
   message->set_expected_force_error(last.force_error);
   message->set_expected_position_error(last.position_error);
+  message->set_measured(last.measured);
   message->set_changes(fidelity.changes);
   message->set_step_budget_s(fidelity.budget_s);
 }

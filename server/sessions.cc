@@ -130,6 +130,8 @@ absl::StatusOr<ReadScene> Sessions::ReadRequested(const v1::CreateSessionRequest
           absl::StrCat("rate_hz is ", rate_hz, ", permitted are 1 to ", kMaxRateHz);
       return Error(Reason::kArgumentInvalid, what, {{"rate_hz", what}});
     }
+    // Errors of rungs were measured at the scene's own.
+    if (rate_hz != read->scene.rate_hz()) read->scene.clear_rungs();
     read->scene.set_rate_hz(rate_hz);
   }
   if (request.has_seed()) read->scene.set_seed(request.seed());

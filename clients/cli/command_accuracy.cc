@@ -1,5 +1,5 @@
 #include <absl/status/statusor.h>
-#include <absl/strings/str_cat.h>
+#include <absl/strings/str_format.h>
 
 #include <iostream>
 #include <memory>
@@ -24,7 +24,7 @@ struct Arguments {
   std::string scene, html, json, svg;
   std::vector<std::string> settings;
   AccuracyOptions options;
-  bool apply = false;
+  bool apply = false, apply_rungs = false;
 };
 
 ExitCode Fail(const absl::Status& status) {
@@ -67,27 +67,43 @@ absl::Status Write(const Arguments& arguments, const AccuracyReport& report) {
   return absl::OkStatus();
 }
 
-// Writes the cheapest setting within the tolerance into the scene's file.
-ExitCode Apply(const SceneFile& file, const AccuracyStudy& study) {
-  if (study.advice.cheapest < 0) {
+// Writes the cheapest setting within the tolerance into the scene's file, or leaves its own, and
+// what the rungs of that setting cost.
+ExitCode Apply(const SceneFile& file, const AccuracyStudy& study, bool own_setting) {
+  if (!own_setting && study.advice.cheapest < 0) {
     std::cerr << "error: --apply: no setting is within the tolerance; " << file.file
               << " is as it was\n";
     return kExitCheckFailed;
   }
-  const AccuracySetting& setting = study.points[study.advice.cheapest].setting;
-  if (setting.edits.empty()) {
-    std::cerr << file.file << " has the recommended setting already\n";
-    return kExitOk;
+  const AccuracySetting& setting = study.points[own_setting ? 0 : study.advice.cheapest].setting;
+  const std::vector<AccuracyRung>& measured = own_setting ? study.rungs : study.advised_rungs;
+  const absl::StatusOr<v1::Rungs> rungs = RungsMessage(measured, !file.scene.tools().empty());
+  if (!rungs.ok()) {
+    std::cerr << (own_setting ? "error: --apply-rungs: " : "without what rungs cost: ")
+              << rungs.status().message() << "\n";
+    if (own_setting) return kExitCheckFailed;
   }
-  const absl::StatusOr<std::string> text = TextWithEdits(file, setting.edits);
+  RungsEntry entry;
+  if (rungs.ok()) {
+    entry = {*rungs,
+             absl::StrFormat("measured by adhesim accuracy --apply%s: %.4g s at %.10g Hz",
+                             own_setting ? "-rungs" : "", study.duration_s, setting.rate_hz)};
+  }
+  const absl::StatusOr<std::string> text = TextWithEdits(file, setting.edits, entry);
   if (!text.ok()) {
     std::cerr << "error: --apply: " << text.status().message() << ": " << SetOptions(setting)
               << "\n";
     return kExitCheckFailed;
   }
+  if (*text == file.text) {
+    std::cerr << file.file << " has what is recommended already\n";
+    return kExitOk;
+  }
   if (const absl::Status written = WriteTextFile(file.file, *text); !written.ok())
     return Fail(written);
-  std::cerr << "written into " << file.file << ": " << SetOptions(setting) << "\n";
+  std::cerr << "written into " << file.file << ": "
+            << (setting.edits.empty() ? "no other setting" : SetOptions(setting))
+            << (rungs.ok() ? ", and what its rungs cost" : "") << "\n";
   return kExitOk;
 }
 
@@ -105,13 +121,16 @@ ExitCode Accuracy(const Arguments& arguments) {
   AccuracyOptions options = arguments.options;
   options.stop = StopRequested;
   options.rival = BulletRival;
+  options.advised_rungs = arguments.apply;
+  options.only_rungs = arguments.apply_rungs;
   options.progress = [](const std::string& what) { std::cerr << what << " ..." << std::endl; };
   absl::StatusOr<AccuracyStudy> study =
       StudyAccuracy(loaded->file.scene, loaded->file.directory, options);
   if (!study.ok()) return Fail(study.status());
   report.study = *std::move(study);
+  if (arguments.apply_rungs) return Apply(file, report.study, true);
   if (const absl::Status written = Write(arguments, report); !written.ok()) return Fail(written);
-  return arguments.apply ? Apply(file, report.study) : kExitOk;
+  return arguments.apply ? Apply(file, report.study, false) : kExitOk;
 }
 
 void AddLimits(CLI::App* command, AccuracyOptions* options) {
@@ -175,10 +194,16 @@ void AddAccuracyCommand(CLI::App& app, int* exit_code) {
   AddLimits(command, options);
   CLI::Option* apply =
       command->add_flag("--apply", arguments->apply,
-                        "Writes the cheapest setting within the tolerance into the scene's file");
+                        "Writes the cheapest setting within the tolerance into the scene's file, "
+                        "and what the governor's rungs cost at it");
+  CLI::Option* apply_rungs = command->add_flag(
+      "--apply-rungs", arguments->apply_rungs,
+      "Measures nothing but what the governor's rungs cost, and writes it into the scene's file");
   AddSettingsOption(command, &arguments->settings);
   // What is recommended for another scene is not written into this one.
   apply->excludes("--set");
+  apply_rungs->excludes("--set");
+  for (const char* other : {"--apply", "--html", "--svg", "--json"}) apply_rungs->excludes(other);
   command->callback([arguments, exit_code] { *exit_code = Accuracy(*arguments); });
 }
 

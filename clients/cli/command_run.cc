@@ -64,7 +64,7 @@ int Run(Arguments arguments, bool has_steps, bool has_rate) {
   absl::StatusOr<std::unique_ptr<Engine>> engine =
       Engine::Create(loaded->model, {.threads = arguments.threads});
   if (!engine.ok()) {
-    std::cerr << arguments.scene << ": error: " << engine.status().message() << "\n";
+    PrintRefusal(loaded->file, engine.status());
     return kExitBadInput;
   }
 

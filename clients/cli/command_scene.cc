@@ -29,7 +29,7 @@ int Check(const std::vector<std::string>& files) {
     }
     // What only compiling finds: effects that do not go together, too many sub-steps.
     if (const auto engine = Engine::Create(loaded->model, {}); !engine.ok()) {
-      std::cerr << file << ": error: " << engine.status().message() << "\n";
+      PrintRefusal(loaded->file, engine.status());
       exit_code = kExitBadInput;
       continue;
     }
@@ -58,7 +58,7 @@ int Explain(const std::string& path, bool json) {
   if (!loaded) return kExitBadInput;
   const absl::StatusOr<Json> explanation = ExplainScene(*loaded);
   if (!explanation.ok()) {
-    std::cerr << path << ": error: " << explanation.status().message() << "\n";
+    PrintRefusal(loaded->file, explanation.status());
     return kExitBadInput;
   }
   if (json) {

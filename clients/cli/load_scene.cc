@@ -42,6 +42,8 @@ Problems MissingFiles(const SceneFile& file) {
 // False, after a message, when a setting is wrong.
 bool ApplySettings(const std::vector<std::string>& settings, v1::Scene* scene) {
   bool ok = true;
+  // They were measured on the scene as its file has it.
+  if (!settings.empty()) scene->clear_rungs();
   for (const std::string& setting : settings) {
     const std::size_t equals = setting.find('=');
     absl::Status status = absl::InvalidArgumentError("expected PATH=VALUE, as in rate_hz=500");
@@ -77,6 +79,15 @@ std::optional<LoadedScene> LoadScene(const std::string& path,
   if (built.model == nullptr || !AllWarnings(built.problems)) return std::nullopt;
   loaded.model = std::move(built.model);
   return loaded;
+}
+
+void PrintRefusal(const SceneFile& file, const absl::Status& status) {
+  const std::string message(status.message());
+  const std::size_t colon = message.find(": ");
+  const bool names = colon != std::string::npos && file.tree.root >= 0 &&
+                     file.tree.Locate(message.substr(0, colon)) != &file.tree.nodes[file.tree.root];
+  if (names) return Print(file, {{message.substr(0, colon), message.substr(colon + 2)}});
+  std::cerr << file.file << ": error: " << message << "\n";
 }
 
 void AddSettingsOption(CLI::App* command, std::vector<std::string>* settings) {

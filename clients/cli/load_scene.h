@@ -1,5 +1,7 @@
 #pragma once
 
+#include <absl/status/status.h>
+
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
@@ -20,6 +22,9 @@ struct LoadedScene {
 // every problem to stderr; empty when one of them is more than a warning.
 std::optional<LoadedScene> LoadScene(const std::string& path,
                                      const std::vector<std::string>& settings = {});
+
+// Prints why an engine refused the scene, with the line of the field that the message begins with.
+void PrintRefusal(const SceneFile& file, const absl::Status& status);
 
 // Adds the option --set, whose values go to LoadScene.
 void AddSettingsOption(CLI::App* command, std::vector<std::string>* settings);

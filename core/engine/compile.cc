@@ -44,7 +44,7 @@ absl::StatusOr<std::unique_ptr<Engine>> Pipeline::Compile(std::shared_ptr<const 
   if (absl::Status status = pipeline->ChooseSubsteps(); !status.ok()) return status;
   if (absl::Status status = pipeline->CompileTools(); !status.ok()) return status;
   if (absl::Status status = pipeline->CompileSleep(); !status.ok()) return status;
-  pipeline->CompileRungs();
+  if (absl::Status status = pipeline->CompileRungs(); !status.ok()) return status;
   pipeline->NameStages();
   pipeline->MakeStartState();
   return pipeline;

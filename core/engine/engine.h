@@ -28,10 +28,11 @@ struct ToolInput {
 // Something that steps can do without for a while, to save time (docs/governor.md).
 struct FidelityRung {
   const char* name;  // a literal
-  // What it is expected to cost in accuracy, with the rungs before it: measured on this
-  // repository's scenes, or bounds that the rung keeps by itself.
+  // What it is expected to cost in accuracy, with the rungs before it: as the scene says that it
+  // was measured, else bounds over this repository's scenes.
   double force_error;     // of a tool's force, part of its peak
   double position_error;  // of surfaces, part of their body's size
+  bool measured = false;  // by a study of the scene
 };
 
 // One scene in motion. Not thread-safe: one owner thread at a time.
@@ -46,7 +47,8 @@ class Engine {
   };
 
   // Compiles the model's effects into a pipeline. Errors: InvalidArgument for an effect that was
-  // not compiled in, a scene that needs more sub-steps than it permits, an option out of range.
+  // not compiled in, a scene that needs more sub-steps than it permits or names a rung that it does
+  // not have, an option out of range.
   static absl::StatusOr<std::unique_ptr<Engine>> Create(std::shared_ptr<const Model> model,
                                                         const Options& options);
   virtual ~Engine() = default;

@@ -1,7 +1,11 @@
 // What the pipeline can do without for a while (docs/governor.md).
 
+#include <absl/strings/str_cat.h>
+#include <absl/strings/str_join.h>
+
 #include <algorithm>
 #include <string_view>
+#include <vector>
 
 #include "core/engine/pipeline.h"
 
@@ -20,26 +24,50 @@ constexpr int kNewtonIterations = 3;
 constexpr double kVolumeTolerance = 1e-6;
 constexpr int kStiffnessEvery = 2;  // sub-steps, of which the first assembles
 
+// A rung's errors as the scene says that they were measured; else those given.
+FidelityRung Declared(const v1::Rungs& measured, FidelityRung rung) {
+  const auto* field = v1::Rungs::descriptor()->FindFieldByName(rung.name);
+  if (!measured.GetReflection()->HasField(measured, field)) return rung;
+  const auto& error =
+      static_cast<const v1::RungError&>(measured.GetReflection()->GetMessage(measured, field));
+  return {rung.name, error.force_error(), error.position_error(), true};
+}
+
 }  // namespace
 
-void Pipeline::CompileRungs() {
+absl::Status Pipeline::CompileRungs() {
   // Most that was measured (docs/governor.md), rounded up; the first rung makes nearly all of it.
   const double force_error = implicit_ ? 0.05 : 0.005;
   const double position_error = implicit_ ? 0.006 : 1e-6;
+  const v1::Rungs& measured = model_->scene.rungs();
+  const auto add = [&](const char* name) {
+    rungs_.push_back(Declared(measured, {name, force_error, position_error}));
+  };
   const bool rows = std::any_of(effects_.begin(), effects_.end(),
                                 [](const auto& effect) { return !effect->constraints().empty(); });
   if (rows || (implicit_ && model_->tolerance < kLoosest)) {
-    rungs_.push_back({kIterations, force_error, position_error});
+    add(kIterations);
   }
   // Forces that feel what is near, and contacts that slide, need it as it is now.
   const bool feels = std::any_of(effects_.begin(), effects_.end(),
                                  [](const auto& effect) { return effect->contact_reach_m() > 0; });
   if (adhesive_ && !feels && !model_->adhesive->friction_coefficient) {
-    rungs_.push_back({kDetection, force_error, position_error});
+    add(kDetection);
   }
   if (implicit_ && model_->integrator == Integrator::kImplicit) {
-    rungs_.push_back({kStiffness, force_error, position_error});
+    add(kStiffness);
   }
+  std::vector<const google::protobuf::FieldDescriptor*> named;
+  measured.GetReflection()->ListFields(measured, &named);
+  for (const auto* field : named) {
+    const auto is_named = [&](const FidelityRung& rung) { return field->name() == rung.name; };
+    if (std::any_of(rungs_.begin(), rungs_.end(), is_named)) continue;
+    const auto append_name = [](std::string* out, const FidelityRung& rung) { *out += rung.name; };
+    return absl::InvalidArgumentError(absl::StrCat(
+        "rungs.", field->name(), ": the scene has no such rung to give up; permitted: ",
+        rungs_.empty() ? "none" : absl::StrJoin(rungs_, ", ", append_name)));
+  }
+  return absl::OkStatus();
 }
 
 void Pipeline::SetFidelity(int rungs) {

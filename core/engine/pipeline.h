@@ -62,7 +62,7 @@ class Pipeline : public Engine {
   absl::Status CompileImplicit();
   std::vector<const Effect*> RowsOnTissue() const;
   void CompileContact();
-  void CompileRungs();
+  absl::Status CompileRungs();
   absl::Status CompileTools();
   absl::Status CompileSleep();
   absl::Status ChooseSubsteps();

@@ -33,6 +33,15 @@ void SetToDefault(const Field* field, const std::string& text, pb::Message* mess
   }
 }
 
+// Whether a part that is not written says something all the same.
+bool SaysSomething(const pb::Descriptor* type) {
+  if (HasRequiredField(type)) return false;
+  for (int i = 0; i < type->field_count(); ++i) {
+    if (!type->field(i)->options().GetExtension(v1::default_value).empty()) return true;
+  }
+  return false;
+}
+
 void FillMessage(pb::Message* message) {
   const pb::Reflection* reflection = message->GetReflection();
   for (int i = 0; i < message->GetDescriptor()->field_count(); ++i) {
@@ -46,9 +55,9 @@ void FillMessage(pb::Message* message) {
         FillMessage(reflection->MutableRepeatedMessage(message, field, j));
       }
     } else if (present || (field->real_containing_oneof() == nullptr &&
-                           !HasRequiredField(field->message_type()))) {
-      // A part that can be empty says how; one that cannot says whether, so that its absence means
-      // something.
+                           SaysSomething(field->message_type()))) {
+      // A part that can be empty says how; one that cannot, or that has no defaults, says whether,
+      // so that its absence means something.
       FillMessage(reflection->MutableMessage(message, field));
     }
   }

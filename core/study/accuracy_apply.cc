@@ -8,10 +8,12 @@
 
 #include <optional>
 
+#include "core/scene/quantity.h"
+
 namespace adhesim {
 namespace {
 
-constexpr char kIntegration[] = "integration";
+constexpr char kIntegration[] = "integration", kRungs[] = "rungs";
 
 absl::Status Refuse(const std::string& why) {
   return absl::FailedPreconditionError(absl::StrCat(why, "; edit the scene by hand"));
@@ -31,6 +33,18 @@ std::size_t Offset(const std::string& text, const YamlNode& node) {
   std::size_t at = 0;
   for (int line = 1; line < node.line; ++line) at = text.find('\n', at) + 1;
   return at + node.column - 1;
+}
+
+// Where a line of its own can be put in: before the bodies, behind the numbers that scenes begin
+// with.
+absl::StatusOr<std::size_t> LineBeforeBodies(const std::string& text, const YamlTree& tree) {
+  const YamlNode& root = tree.nodes[tree.root];
+  int before = root.children[0];
+  for (std::size_t i = 0; i < root.children.size(); i += 2) {
+    if (tree.nodes[root.children[i]].text == "bodies") before = root.children[i];
+  }
+  if (tree.nodes[before].column != 1) return Refuse("the file is not YAML in block style");
+  return Offset(text, tree.nodes[before]);
 }
 
 // One edit; the tree is that of the text as it is now.
@@ -67,23 +81,64 @@ absl::StatusOr<std::string> WithEdit(std::string text, const YamlTree& tree,
     const bool block = absl::StripAsciiWhitespace(before).empty();
     return text.insert(at, block ? absl::StrCat(entry, "\n", before) : absl::StrCat(entry, ", "));
   }
-  // On a line of its own before the bodies, behind the numbers that scenes begin with.
-  int before = root.children[0];
-  for (std::size_t i = 0; i < root.children.size(); i += 2) {
-    if (tree.nodes[root.children[i]].text == "bodies") before = root.children[i];
-  }
-  if (tree.nodes[before].column != 1) return Refuse("the file is not YAML in block style");
+  const absl::StatusOr<std::size_t> at = LineBeforeBodies(text, tree);
+  if (!at.ok()) return at.status();
   return text.insert(
-      Offset(text, tree.nodes[before]),
-      nested ? absl::StrCat(kIntegration, ": {", entry, "}\n") : absl::StrCat(entry, "\n"));
+      *at, nested ? absl::StrCat(kIntegration, ": {", entry, "}\n") : absl::StrCat(entry, "\n"));
+}
+
+// Its lines; none: there are no rungs.
+std::string TextOf(const RungsEntry& entry) {
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  entry.rungs.GetReflection()->ListFields(entry.rungs, &fields);
+  if (fields.empty()) return "";
+  std::string text = absl::StrCat(kRungs, ":  # ", entry.comment, "\n");
+  for (const auto* field : fields) {
+    const auto& error = static_cast<const v1::RungError&>(
+        entry.rungs.GetReflection()->GetMessage(entry.rungs, field));
+    absl::StrAppend(&text, "  ", field->name(), ": {");
+    if (error.has_force_error()) {
+      absl::StrAppend(&text, "force_error: ", NumberText(error.force_error()), ", ");
+    }
+    absl::StrAppend(&text, "position_error: ", NumberText(error.position_error()), "}\n");
+  }
+  return text;
+}
+
+// With the entry in the place of what the text has of rungs.
+absl::StatusOr<std::string> WithRungs(std::string text, const YamlTree& tree,
+                                      const RungsEntry& entry) {
+  if (tree.root < 0 || tree.nodes[tree.root].children.empty()) return Refuse("the file is no map");
+  const std::string lines = TextOf(entry);
+  const YamlNode& root = tree.nodes[tree.root];
+  for (std::size_t i = 0; i + 1 < root.children.size(); i += 2) {
+    const YamlNode& key = tree.nodes[root.children[i]];
+    if (key.text != kRungs) continue;
+    if (key.column != 1) return Refuse("the file is not YAML in block style");
+    // Its line, and those below it that are indented.
+    const std::size_t begin = Offset(text, key);
+    std::size_t end = begin;
+    do {
+      end = text.find('\n', end);
+      end = end == std::string::npos ? text.size() : end + 1;
+    } while (end < text.size() && text[end] == ' ');
+    return text.replace(begin, end - begin, lines);
+  }
+  if (lines.empty()) return text;
+  const absl::StatusOr<std::size_t> at = LineBeforeBodies(text, tree);
+  if (!at.ok()) return at.status();
+  return text.insert(*at, lines);
 }
 
 }  // namespace
 
 absl::StatusOr<std::string> TextWithEdits(const SceneFile& file,
-                                          const std::vector<SceneEdit>& edits) {
-  const absl::StatusOr<v1::Scene> wanted = Edited(file.scene, edits);
+                                          const std::vector<SceneEdit>& edits,
+                                          const RungsEntry& rungs) {
+  absl::StatusOr<v1::Scene> wanted = Edited(file.scene, edits);
   if (!wanted.ok()) return wanted.status();
+  wanted->clear_rungs();
+  if (rungs.rungs.ByteSizeLong() > 0) *wanted->mutable_rungs() = rungs.rungs;
   std::string text = file.text;
   SceneFile now = ParseScene(text, file.file, file.directory);
   for (const SceneEdit& edit : edits) {
@@ -95,6 +150,10 @@ absl::StatusOr<std::string> TextWithEdits(const SceneFile& file,
     text = *std::move(edited);
     now = ParseScene(text, file.file, file.directory);
   }
+  absl::StatusOr<std::string> edited = WithRungs(std::move(text), now.tree, rungs);
+  if (!edited.ok()) return edited.status();
+  text = *std::move(edited);
+  now = ParseScene(text, file.file, file.directory);
   // Whatever the text looked like: it must now say what was wanted.
   if (!now.ok() || !google::protobuf::util::MessageDifferencer::Equals(now.scene, *wanted)) {
     return Refuse("the file is written in a way that cannot be edited safely");

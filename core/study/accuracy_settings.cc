@@ -367,6 +367,8 @@ std::vector<SceneEdit> FinerMesh(const v1::Scene& scene) { return RefineAll(scen
 
 absl::StatusOr<v1::Scene> Edited(const v1::Scene& scene, const std::vector<SceneEdit>& edits) {
   v1::Scene edited = scene;
+  // They were measured at the scene's own setting.
+  if (!edits.empty()) edited.clear_rungs();
   for (const SceneEdit& edit : edits) {
     if (edit.value.empty()) {
       TakeOut(edit.path, &edited);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <memory>
 #include <utility>
 
@@ -74,18 +73,28 @@ class Study {
           absl::StrCat("as it is, the scene does not run: ", study_.points[0].failed));
     }
     if (study_.points[0].not_run) return NoTime();
+    if (options_.only_rungs) {
+      study_.rungs = RungsOfPoint(0);
+      return Finished();
+    }
     if (const absl::Status s = MakeReferences(); !s.ok()) return s;
     for (int round = 0; round < options_.repeats; ++round) {
       for (const std::size_t i : Order()) {
         if (round > 0 || i > 0) Measure(i);
       }
     }
-    if (Stopped()) return absl::CancelledError("interrupted");
+    if (Stopped()) return Finished();
     Judge();
-    return std::move(study_);
+    MeasureAdvisedRungs();
+    return Finished();
   }
 
  private:
+  absl::StatusOr<AccuracyStudy> Finished() {
+    if (Stopped()) return absl::CancelledError("interrupted");
+    return std::move(study_);
+  }
+
   absl::Status Load() {
     const auto model = EditedModel(scene_, directory_, {});
     if (!model.ok()) return model.status();
@@ -167,11 +176,11 @@ class Study {
       AccuracySetting setting = study_.dials[0].settings[0];
       setting.kind = DialKind::kModel;
       setting.name = "without";
-      for (const FidelityRung& rung : (*engine)->rungs()) {
+      study_.rungs = RungsOf(**engine);
+      for (const AccuracyRung& rung : study_.rungs) {
         absl::StrAppend(&setting.name, setting.rungs == 0 ? " " : " and ", rung.name);
         ++setting.rungs;
         dial.settings.push_back(setting);
-        study_.rungs.push_back({rung.name, rung.force_error, rung.position_error, -1, {}, {}});
       }
     }
     if (dial.settings.empty()) dial.not_offered = "nothing of this scene can be given up";
@@ -197,7 +206,9 @@ class Study {
     Subject& subject = subjects_[i];
     const bool first = !subject.tried;
     if (Stopped() || !point.failed.empty() || point.not_run) return;
-    const double guess_s = i == 0 ? 0 : run_s_ * point.setting.work;
+    double guess_s = i == 0 ? 0 : run_s_ * point.setting.work;
+    // Time for the rungs of the cheapest, most of which are no slower than the scene as it is.
+    if (options_.advised_rungs) guess_s += run_s_ * static_cast<double>(study_.rungs.size());
     if (ElapsedS() + guess_s > options_.budget_s) {
       if (first) point.not_run = true;
       return;
@@ -292,18 +303,22 @@ class Study {
   }
 
   void JudgeRungs() {
-    double size_m = std::numeric_limits<double>::infinity();
-    for (const Body& body : model_->bodies) {
-      if (!body.all_fixed) size_m = std::min(size_m, body.size_m);
-    }
     for (AccuracyRung& rung : study_.rungs) {
-      const std::optional<AccuracyError>& error = study_.points[rung.point].error;
-      if (!error) continue;
-      rung.position = error->position_m.linf / size_m;
-      if (error->force_n && study_.peak_force_n > 0) {
-        rung.force = error->force_n->linf / study_.peak_force_n;
-      }
+      if (!study_.points[rung.point].error) continue;
+      JudgeRung(subjects_[rung.point].trace, subjects_[0].trace, *model_, &rung);
     }
+  }
+
+  // A setting that is written into the scene takes its rungs' errors with it.
+  void MeasureAdvisedRungs() {
+    const int cheapest = study_.advice.cheapest;
+    if (!options_.advised_rungs || cheapest < 0) return;
+    study_.advised_rungs = cheapest == 0 ? study_.rungs : RungsOfPoint(cheapest);
+  }
+
+  std::vector<AccuracyRung> RungsOfPoint(int i) {
+    if (options_.progress) options_.progress("rungs of " + study_.points[i].setting.name);
+    return MeasureRungs(subjects_[i].engine.get(), *probes_, trace_, subjects_[i].trace);
   }
 
   void FitOrders() {

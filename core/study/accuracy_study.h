@@ -11,6 +11,7 @@
 #include "core/study/accuracy_advice.h"
 #include "core/study/accuracy_error.h"
 #include "core/study/accuracy_formula.h"
+#include "core/study/accuracy_rungs.h"
 #include "core/study/accuracy_settings.h"
 #include "core/study/accuracy_trace.h"
 
@@ -30,6 +31,8 @@ struct AccuracyOptions {
   double seconds = 0;  // simulated; 0: until the last trajectory ends, or 4 s
   int repeats = 3;     // of each setting, for its cost; interleaved
   bool quick = false;
+  bool advised_rungs = false;  // measures the rungs at the cheapest setting too
+  bool only_rungs = false;     // measures those of the scene as it is, and nothing else
   int threads = 1;
   double budget_s = 300;  // wall time of the whole study; what does not fit is left out, and named
   // Absent: 1 % of the motion, 2 % of the peak force, the scene's rate.
@@ -74,16 +77,6 @@ struct AccuracyPoint {
   std::optional<double> deflection_m;  // of a beam's end, at the end
 };
 
-// What the governor gives up, and what that changes here. Parts of the tools' peak force and of the
-// smallest body's size, the largest at any instant: as FidelityRung declares them.
-struct AccuracyRung {
-  std::string name;
-  double declared_force = 0, declared_position = 0;
-  int point = -1;  // with it and all before it given up
-  // Absent where that did not run, and where no tool feels a force.
-  std::optional<double> force, position;
-};
-
 // How fast the errors of a method fall with the step.
 struct AccuracyOrder {
   std::string method;  // as in AccuracySetting
@@ -111,13 +104,15 @@ struct AccuracyStudy {
   std::string rival_about;                // as AccuracyRival::about; empty: there is none
   std::vector<AccuracyPoint> points;      // the first is the scene as it is
   std::vector<AccuracyOrder> orders;
-  std::vector<AccuracyRung> rungs;  // in the order in which they are given up
+  // In the order in which they are given up, of the scene as it is; and of the cheapest setting.
+  std::vector<AccuracyRung> rungs, advised_rungs;
   AdviceLimits limits;
   Advice advice;  // indices into `points`
   std::vector<std::string> left_out;
 };
 
-// Runs a scene (as written; valid) at many settings and measures error and cost. Errors:
+// Runs a scene (as written; valid) at many settings and measures error and cost; of `only_rungs`
+// there are no points but the scene as it is, no references and no advice. Errors:
 // InvalidArgument for a scene that does not run as it is; DeadlineExceeded when the budget ends
 // before there is a reference; Cancelled.
 absl::StatusOr<AccuracyStudy> StudyAccuracy(const v1::Scene& scene, const std::string& directory,

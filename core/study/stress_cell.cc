@@ -28,6 +28,7 @@ bool HasTissue(const v1::Scene& scene) {
 void Apply(const StressVariant& variant, v1::Scene* scene) {
   if (!variant.dt_s) return;
   scene->set_rate_hz(1 / *variant.dt_s);
+  scene->clear_rungs();
   v1::Integration* integration = scene->mutable_integration();
   integration->set_max_substeps(kMostSubsteps);
   if (variant.integrator != v1::INTEGRATOR_UNSPECIFIED) {

@@ -11,6 +11,7 @@
 namespace adhesim {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using Json = nlohmann::json;
@@ -84,6 +85,28 @@ TEST_F(AccuracyCommand, AppliesWhatItRecommendsAndKeepsTheRest) {
   EXPECT_THAT(text, HasSubstr("# A small block that sinks under its weight.\n"));
   EXPECT_THAT(text, HasSubstr("  # of the author\n"));
   EXPECT_THAT(text, HasSubstr("bodies:\n  - name: block\n"));
+  // With what giving up fidelity costs at that setting; the scene has no tool to feel a force.
+  EXPECT_THAT(text, ContainsRegex("rungs:  # measured by adhesim accuracy --apply: 0.4 s at .* Hz\n"
+                                  "  iterations: .position_error: [^,]*.\n"));
+  const std::string run = std::string(ADHESIM_PROGRAM) + " run " + File("block.yaml") +
+                          " --steps 1 >" + File("out") + " 2>" + File("err");
+  EXPECT_EQ(std::system(run.c_str()), 0) << Read("err");
+}
+
+TEST_F(AccuracyCommand, WritesWhatRungsCostAtTheScenesOwnSetting) {
+  const std::string command = File("block.yaml") + " --seconds 0.4 --apply-rungs";
+  ASSERT_EQ(Run(command), 0) << Read("err");
+  std::string text = Read("block.yaml");
+  const std::size_t rungs = text.find("rungs:"), bodies = text.find("bodies:");
+  ASSERT_LT(rungs, bodies);
+  EXPECT_THAT(text.substr(rungs, bodies - rungs),
+              ContainsRegex("^rungs:  # measured by adhesim accuracy --apply-rungs: 0.4 s at 100 "
+                            "Hz\n  iterations: [^\n]*\n  stiffness: [^\n]*\n$"));
+  EXPECT_EQ(text.erase(rungs, bodies - rungs), kScene);
+  // The same bits, and nothing to write.
+  ASSERT_EQ(Run(command), 0) << Read("err");
+  EXPECT_THAT(Read("err"), HasSubstr("already"));
+  EXPECT_EQ(Run(command + " --json -"), 2);
 }
 
 TEST_F(AccuracyCommand, ChangesNothingWhenNoSettingIsWithinTheTolerance) {

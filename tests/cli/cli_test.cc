@@ -125,7 +125,31 @@ TEST(Cli, ChecksWhatOnlyCompilingFinds) {
   const Outcome outcome = Adhesim("scene check " + scene);
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_EQ(outcome.out, "");
-  EXPECT_THAT(outcome.err, HasSubstr(scene + ": error: effects[3].attraction"));
+  EXPECT_THAT(outcome.err, HasSubstr(":5: error: effects[3].attraction"));
+}
+
+// A file is refused for a rung that its scene does not have, with its line; what is changed for one
+// run does without what was measured.
+TEST(Cli, RefusesErrorsOfRungsThatASceneDoesNotHave) {
+  const std::string scene = Scene(
+      "rate_hz: 100\n"
+      "rungs:\n"
+      "  iterations: {position_error: 0.001}\n"
+      "  stiffness: {position_error: 0.002}\n"
+      "bodies: [{name: a, block: {size_m: [0.1, 0.1, 0.1]}, tetrahedra: {cells: 2}, mass_kg: 1}]\n"
+      "effects: [elasticity: {young_modulus_pa: 1e4}]\n");
+  EXPECT_EQ(Adhesim("scene check " + scene).exit_code, 0);
+  const std::string newton = " --set integration.integrator=newton";
+  EXPECT_EQ(Adhesim("run " + scene + " --steps 1" + newton).exit_code, 0);
+  std::ofstream(scene, std::ios::app) << "integration: {integrator: newton}\n";
+  for (const std::string command : {"scene check ", "scene explain ", "run --steps 1 "}) {
+    const Outcome outcome = Adhesim(command + scene);
+    EXPECT_EQ(outcome.exit_code, 2) << command;
+    EXPECT_THAT(outcome.err,
+                HasSubstr(":4:3: error: rungs.stiffness: the scene has no such rung to "
+                          "give up; permitted: iterations"))
+        << command;
+  }
 }
 
 TEST(Cli, ShowsASceneThatReadsBackTheSame) {

@@ -55,6 +55,26 @@ effects: [{shape_memory: {stiffness_n_m: 60}}]
             none);
 }
 
+// Those that a study wrote into the scene; bounds of the others.
+TEST(Fidelity, DeclaresWhatWasMeasuredOnTheScene) {
+  const std::string rungs = "rungs:\n  iterations: {force_error: 0.02, position_error: 3e-7}\n";
+  const auto engine = EngineOf(rungs + Needle());
+  ASSERT_EQ(engine->rungs().size(), 2u);
+  EXPECT_TRUE(engine->rungs()[0].measured);
+  EXPECT_EQ(engine->rungs()[0].force_error, 0.02);
+  EXPECT_EQ(engine->rungs()[0].position_error, 3e-7);
+  const FidelityRung& bound = EngineOf(Needle())->rungs()[1];
+  EXPECT_FALSE(engine->rungs()[1].measured);
+  EXPECT_EQ(engine->rungs()[1].force_error, bound.force_error);
+  EXPECT_EQ(engine->rungs()[1].position_error, bound.position_error);
+  EXPECT_GT(bound.force_error, 0);
+  const auto refused = Engine::Create(
+      test::ModelOf("rungs: {stiffness: {force_error: 0.02, position_error: 0}}\n" + Needle()), {});
+  EXPECT_EQ(refused.status().message(),
+            "rungs.stiffness: the scene has no such rung to give up; permitted: iterations, "
+            "detection");
+}
+
 TEST(Fidelity, KeepsToTheRungsThatThereAre) {
   auto engine = EngineOf(test::kChurningCells);
   engine->SetFidelity(100);

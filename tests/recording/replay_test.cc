@@ -10,6 +10,7 @@
 #include <future>
 
 #include "adhesim/v1/recording.pb.h"
+#include "adhesim/v1/view_service.pb.h"
 #include "server/recording/recorder.h"
 #include "server/session.h"
 #include "tests/recording/recording_files.h"
@@ -184,13 +185,20 @@ TEST(Replay, GivesTheSameHashesAfterRealTimePausesAndResumes) {
   EXPECT_EQ(result.final_hash, hash);
 }
 
+// What a study of the scene found.
+const std::string kMeasured =
+    "rungs:\n"
+    "  iterations: {force_error: 0.001, position_error: 2e-7}\n"
+    "  detection: {force_error: 0.003, position_error: 4e-7}\n";
+
 // Costs are too high for 0.1 s in every 1.5 s, whatever is given up: down to the last rung, back by
 // one and down again.
 std::uint64_t RunGoverned(const std::string& path) {
   const auto cost = [step = 0](double) mutable {
     return DrivenSession::kBudgetS * (++step % 1500 < 100 ? 1.5 : 0.2);
   };
-  DrivenSession session(path, test::EngineOf(test::NeedleScene(test::kPressAndPull)), cost);
+  const std::string scene = kMeasured + test::NeedleScene(test::kPressAndPull);
+  DrivenSession session(path, test::EngineOf(scene), cost);
   session.Drive(kSanitized ? 130 : 1600);
   session.Do(Session::CommandKind::kReset);
   session.Drive(100);
@@ -207,6 +215,7 @@ TEST(Replay, AppliesTheGovernorsDecisionsAndConsultsNoClock) {
   }
   std::vector<std::uint32_t> fidelity;
   std::vector<std::string> events;
+  int lowered_frames = 0;
   auto reader = *McapReader::Open(path);
   McapMessage message;
   while (*reader->Next(&message)) {
@@ -219,8 +228,18 @@ TEST(Replay, AppliesTheGovernorsDecisionsAndConsultsNoClock) {
     } else if (topic == kEventsTopic) {
       ASSERT_TRUE(event.ParseFromArray(message.data.data(), message.data.size()));
       if (event.kind() == v1::EVENT_KIND_FIDELITY) events.push_back(event.text());
+    } else if (topic == kFramesTopic) {
+      v1::WatchResponse update;
+      ASSERT_TRUE(update.ParseFromArray(message.data.data(), message.data.size()));
+      const v1::FidelityState& state = update.frame().fidelity();
+      if (state.rungs() == 0) continue;
+      ++lowered_frames;
+      EXPECT_TRUE(state.measured());
+      EXPECT_EQ(state.expected_force_error(), state.rungs() == 1 ? 0.001 : 0.003);
+      EXPECT_EQ(state.expected_position_error(), state.rungs() == 1 ? 2e-7 : 4e-7);
     }
   }
+  EXPECT_GT(lowered_frames, 0);
   ASSERT_GE(fidelity.size(), 2u);
   EXPECT_EQ(fidelity[0], 1u);
   EXPECT_EQ(fidelity[1], 2u);

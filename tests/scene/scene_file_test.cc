@@ -121,6 +121,30 @@ effects:
   EXPECT_EQ(file.problems.size(), 11u) << errors;
 }
 
+TEST(SceneFile, ReportsErrorsOfRungsThatNobodyMeasured) {
+  const auto errors = [](const std::string& rungs) {
+    const SceneFile file =
+        Parse("bodies: [{name: a, icosphere: {radius_m: 1}, mass_kg: 1}]\n" + ("rungs:\n" + rungs));
+    return file.Format(file.problems);
+  };
+  EXPECT_EQ(errors("  detection: {position_error: 1}\n"), "");
+  EXPECT_THAT(errors("  iterations: {position_error: -0.1}\n"),
+              HasSubstr("s.yaml:3:32: error: rungs.iterations.position_error: is -0.1; permitted: "
+                        "at least 0, at most 1"));
+  EXPECT_THAT(errors("  iterations: {position_error: 1.1}\n"), HasSubstr("is 1.1; permitted"));
+  EXPECT_THAT(errors("  iterations: {position_error: 0, force_error: 1.1}\n"),
+              HasSubstr("s.yaml:3:48: error: rungs.iterations.force_error: is 1.1; permitted"));
+  EXPECT_THAT(errors("  iterations: {position_error: .nan}\n"),
+              HasSubstr("s.yaml:3:32: error: rungs.iterations.position_error: expected a finite"));
+  EXPECT_THAT(errors("  iterations: {force_error: 0.1}\n"),
+              HasSubstr("s.yaml:3:15: error: rungs.iterations.position_error: required"));
+  EXPECT_THAT(errors("  stifness: {position_error: 0.1}\n"),
+              HasSubstr("s.yaml:3:3: error: rungs.stifness: unknown field 'stifness' in Rungs (did "
+                        "you mean 'stiffness'?)"));
+  const std::string rung = "  iterations: {position_error: 0.1}\n";
+  EXPECT_THAT(errors(rung + rung), HasSubstr("s.yaml:4:3: error: rungs.iterations: "));
+}
+
 TEST(SceneFile, ShowsTheLineWithACaret) {
   EXPECT_THAT(Errors(WithBody("    kind: rigit\n")), HasSubstr("    5 |     kind: rigit\n"
                                                                "      |           ^~~~~\n"));

@@ -227,6 +227,18 @@ TEST(ValidateScene, RefusesANormalWithoutDirectionAndRegionsOfNothing) {
   EXPECT_THAT(Described(scene), HasSubstr("bodies[2].fixed[0].border: must be true"));
 }
 
+// What a rung changes of the force is asked for where a tool feels one.
+TEST(ValidateScene, AsksForErrorsOfForcesWhereThereAreTools) {
+  v1::Scene scene = Sample();
+  scene.mutable_rungs()->mutable_detection()->set_position_error(0.1);
+  EXPECT_THAT(Described(scene), HasSubstr("rungs.detection.force_error: required"));
+  scene.mutable_rungs()->mutable_detection()->set_force_error(0.1);
+  EXPECT_EQ(Described(scene), "");
+  scene.mutable_rungs()->mutable_detection()->set_force_error(
+      std::numeric_limits<double>::quiet_NaN());
+  EXPECT_THAT(Described(scene), HasSubstr("rungs.detection.force_error: is nan; permitted"));
+}
+
 TEST(ValidateScene, RefusesFieldsAndValuesOfALaterVersion) {
   v1::Scene scene = Sample();
   scene.mutable_bodies(0)->set_kind(static_cast<v1::BodyKind>(77));
@@ -267,6 +279,8 @@ TEST(WithDefaults, LeavesOffWhatIsOff) {
   EXPECT_TRUE(scene.tools(1).trajectory().empty());
   EXPECT_TRUE(scene.bodies(0).fixed().empty());
   EXPECT_EQ(scene.effects_size(), 7);
+  EXPECT_FALSE(scene.has_rungs());
+  EXPECT_TRUE(scene.has_integration());
 }
 
 TEST(WithDefaults, ChangesNothingTheSecondTime) {

@@ -37,7 +37,8 @@ class LadderEngine : public FakeEngine {
   int fidelity() const override { return fidelity_; }
 
  private:
-  static constexpr FidelityRung kRungs[] = {{"first", 0.01, 1e-4}, {"second", 0.03, 2e-4}};
+  static constexpr FidelityRung kRungs[] = {{"first", 0.01, 1e-4, false},
+                                            {"second", 0.03, 2e-4, true}};
   int fidelity_ = 0;
 };
 
@@ -202,12 +203,21 @@ TEST_F(SessionTest, LowersFidelityWhenStepsCostTooMuchAndSaysSo) {
     ASSERT_EQ(step.told.changes, changes.size());
     if (step.rungs == 0) continue;
     ASSERT_STREQ(step.told.lowered[step.rungs - 1].name, step.rungs == 1 ? "first" : "second");
+    // A frame tells the errors of the last one, and whose they are.
+    SessionFrame frame = recorder_.last;
+    frame.fidelity = step.told;
+    v1::Frame told;
+    EncodeFrame(frame, {}, &told);
+    ASSERT_EQ(told.fidelity().measured(), step.rungs == 2);
+    ASSERT_EQ(told.fidelity().expected_force_error(), step.rungs == 1 ? 0.01 : 0.03);
+    ASSERT_EQ(told.fidelity().expected_position_error(), step.rungs == 1 ? 1e-4 : 2e-4);
   }
   EXPECT_EQ(changes, (std::vector<int>{1, 2, 1, 0}));
   v1::Frame message;
   EncodeFrame(recorder_.last, {}, &message);
   EXPECT_EQ(message.fidelity().rungs(), 0u);
   EXPECT_EQ(message.fidelity().changes(), 4u);
+  EXPECT_FALSE(message.fidelity().measured());
 }
 
 TEST_F(SessionTest, TakesStepsWithoutADeadlineAtFullFidelity) {

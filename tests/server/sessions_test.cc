@@ -58,6 +58,32 @@ TEST_F(SessionsTest, RefuseWhatDoesNotSayAScene) {
   EXPECT_EQ(RefusalOf(request), "ARGUMENT_INVALID");
 }
 
+// They were measured at the scene's own rate.
+TEST(Sessions, OfAnotherRateDeclareNoErrorsThatWereMeasured) {
+  bool measured = false;
+  SceneSource source = FakeScenes();
+  source.build = [&](const ReadScene& read, Problems* problems) {
+    measured = read.scene.has_rungs();
+    return FakeScenes().build(read, problems);
+  };
+  Sessions sessions(source, {}, false);
+  v1::CreateSessionRequest request;
+  request.set_paused(true);
+  v1::Scene* scene = request.mutable_scene();
+  scene->set_rate_hz(500);
+  scene->add_bodies()->set_name("tissue");
+  scene->mutable_rungs()->mutable_iterations()->set_position_error(0.1);
+  std::vector<std::string> warnings;
+  ASSERT_TRUE(sessions.Create(request, kPeer, &warnings).ok());
+  EXPECT_TRUE(measured);
+  request.set_rate_hz(500);
+  ASSERT_TRUE(sessions.Create(request, kPeer, &warnings).ok());
+  EXPECT_TRUE(measured);
+  request.set_rate_hz(400);
+  ASSERT_TRUE(sessions.Create(request, kPeer, &warnings).ok());
+  EXPECT_FALSE(measured);
+}
+
 TEST_F(SessionsTest, ReportEveryMistakeOfASceneAtOnce) {
   v1::CreateSessionRequest request;
   request.mutable_scene()->add_bodies();

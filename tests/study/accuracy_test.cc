@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "core/study/accuracy_advice.h"
-#include "core/study/accuracy_apply.h"
 #include "core/study/accuracy_error.h"
 #include "core/study/accuracy_references.h"
 #include "core/study/accuracy_study.h"
@@ -223,6 +222,51 @@ TEST(AccuracyStudy, MeasuresWhatTheGovernorGivesUp) {
   EXPECT_GT(*study.rungs.back().position, 0);
 }
 
+// What is written with a setting is of that setting: its rungs, by their difference from it.
+TEST(AccuracyStudy, MeasuresTheRungsOfTheSettingThatItRecommends) {
+  const SceneFile file = SceneOf(kPressed);
+  AccuracyOptions options;
+  options.quick = true;
+  options.repeats = 1;
+  options.seconds = 0.2;
+  // Any error is permitted: the cheapest is one that steps more rarely, or a looser tolerance.
+  options.tolerance_m = options.tolerance_n = 1e3;
+  options.advised_rungs = true;
+  const auto study = StudyAccuracy(file.scene, file.directory, options);
+  ASSERT_TRUE(study.ok()) << study.status();
+  ASSERT_GT(study->advice.cheapest, 0);
+  const AccuracySetting& advised = study->points[study->advice.cheapest].setting;
+  const auto model = EditedModel(file.scene, file.directory, advised.edits);
+  ASSERT_TRUE(model.ok()) << model.status();
+  const auto engine = EngineOf(*model);
+  ASSERT_EQ(study->advised_rungs.size(), engine->rungs().size());
+  TraceOptions trace;
+  trace.common_step_s = 0.04;  // of 25 Hz, the coarsest
+  for (int i = 1; i <= 5; ++i) trace.instants_s.push_back(0.04 * i);
+  ASSERT_EQ(study->instants, trace.instants_s.size());
+  const AccuracyProbes probes(**model);
+  const auto run = [&](int rungs) {
+    engine->SetFidelity(rungs);
+    return RunTrace(engine.get(), probes, trace, nullptr);
+  };
+  const AccuracyTrace full = run(0);
+  for (std::size_t r = 0; r < study->advised_rungs.size(); ++r) {
+    const AccuracyError error = Compare(run(static_cast<int>(r) + 1), full);
+    const AccuracyRung& rung = study->advised_rungs[r];
+    EXPECT_EQ(rung.name, engine->rungs()[r].name);
+    // The same bits, over 40 mm: the block's size.
+    ASSERT_TRUE(rung.position && rung.force);
+    EXPECT_EQ(*rung.position, error.position_m.linf / (*model)->bodies[0].size_m);
+    EXPECT_EQ(*rung.force, error.force_n->linf / PeakForce(full));
+  }
+  EXPECT_NE(*study->advised_rungs[0].position, *study->rungs[0].position);
+  // Nothing is recommended, so nothing is measured for it.
+  options.tolerance_m = 1e-12;
+  const auto none = StudyAccuracy(file.scene, file.directory, options);
+  ASSERT_TRUE(none.ok()) << none.status();
+  EXPECT_TRUE(none->advised_rungs.empty());
+}
+
 // z = -(g / c) (t - (1 - e^{-ct}) / c) for every particle.
 TEST(AccuracyRungeKutta, FallsThroughAFluidAsTheFormulaSays) {
   const std::shared_ptr<const Model> model = ModelOf(
@@ -340,41 +384,6 @@ TEST(AccuracyAdvice, OfAChaoticSceneGoesByObservables) {
   AdviceLimits limits = kLimits;
   limits.by_observables = true;
   EXPECT_EQ(Advise(table, limits).cheapest, 1);
-}
-
-TEST(AccuracyApply, ChangesTheNumbersAndNothingElse) {
-  const SceneFile file = SceneOf(BeamScene());
-  const auto text = TextWithEdits(
-      file,
-      {{"rate_hz", "50"}, {"integration.tolerance", "0.01"}, {"integration.max_substeps", "9"}});
-  ASSERT_TRUE(text.ok()) << text.status();
-  std::string expected = BeamScene();
-  expected.replace(expected.find("400  # kept"), 3, "50");
-  expected.replace(expected.find("max_substeps: 1"), 15, "max_substeps: 9");
-  expected.replace(expected.find("1e-8"), 4, "0.01");
-  EXPECT_EQ(*text, expected);
-}
-
-TEST(AccuracyApply, AddsWhatTheFileDoesNotHaveInFrontOfTheBodies) {
-  std::string yaml = BeamScene();
-  yaml.erase(0, yaml.find("bodies:"));
-  const auto text = TextWithEdits(
-      SceneOf(yaml),
-      {{"rate_hz", "50"}, {"integration.integrator", "newton"}, {"integration.tolerance", "0.01"}});
-  ASSERT_TRUE(text.ok()) << text.status();
-  EXPECT_EQ(*text, "rate_hz: 50\nintegration: {tolerance: 0.01, integrator: newton}\n" + yaml);
-  const auto block = TextWithEdits(SceneOf("integration:\n  max_substeps: 9  # many\n" + yaml),
-                                   {{"integration.tolerance", "0.01"}});
-  ASSERT_TRUE(block.ok()) << block.status();
-  EXPECT_EQ(*block, "integration:\n  tolerance: 0.01\n  max_substeps: 9  # many\n" + yaml);
-}
-
-TEST(AccuracyApply, RefusesWhatItCannotWriteSafely) {
-  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"rate_hz", "-1"}}).ok());
-  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
-  const std::string json =
-      "{\"bodies\": [{\"name\": \"a\", \"icosphere\": {\"radius_m\": 1}, \"mass_kg\": 1}]}";
-  EXPECT_FALSE(TextWithEdits(SceneOf(json), {{"rate_hz", "50"}}).ok());
 }
 
 }  // namespace

@@ -88,7 +88,9 @@ export class Transport {
     const value = byId("fidelity");
     setText(value, lowered ? `without ${fidelity.lowered.join(", ")}` : "full");
     value.classList.toggle("alert", lowered);
-    const error = `expected error: ${fixed(fidelity.expectedForceError * 100, 1)} % of the peak force`;
+    const error =
+      `expected error: ${fixed(fidelity.expectedForceError * 100, 1)} % of the peak force ` +
+      (fidelity.measured ? "(measured on this scene)" : "(bound)");
     entry.title = lowered
       ? `Given up so that steps end in time; ${error}`
       : `What steps do without so that they end in time; ${fidelity.changes} changes so far`;
