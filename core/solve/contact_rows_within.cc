@@ -98,16 +98,20 @@ void ContactRows::Renew(const Within& within) {
 int ContactRows::MeetWithin(const State& state, const Motion& motion, const Within& within) {
   laws_.clear();
   for (const Row& row : rows_) {
-    StartLaw(row, state, motion, within.system, &laws_.emplace_back());
+    StartLaw(row, state, motion, within.tissue, &laws_.emplace_back());
   }
   Renew(within);
-  const double start_sq = MissedSq();
+  start_missed_sq_ = std::max(started_missed_sq_, MissedSq());
+  return MeetFurther(state, within);
+}
+
+int ContactRows::MeetFurther(const State& state, const Within& within) {
   int iterations = 0;
   for (int solve = 0;; ++solve) {
     const double left = Norm(within), impulses = ImpulseNorm();
     const bool solved = left <= std::max(within.target, within.tolerance * impulses);
     if (solved) {
-      if (MissedSq() <= kMissed * kMissed * start_sq) break;
+      if (MissedSq() <= kMissed * kMissed * start_missed_sq_) break;
       for (std::size_t r = 0; r < rows_.size(); ++r) {
         laws_[r].multiplier_ns = laws_[r].impulse_ns;
         laws_[r].limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
@@ -129,6 +133,22 @@ int ContactRows::MeetWithin(const State& state, const Motion& motion, const With
     rows_[r].impulse = impulse;
   }
   return iterations;
+}
+
+void ContactRows::KeepAsStart() {
+  started_.clear();
+  for (const Row& row : rows_) started_.push_back({row.particle, row.tool, row.impulse});
+  started_missed_sq_ = start_missed_sq_;
+}
+
+void ContactRows::StartAsKept(const State& state) {
+  for (std::size_t r = 0; r < std::min(rows_.size(), started_.size()); ++r) {
+    const Started& started = started_[r];
+    Row& row = rows_[r];
+    if (started.particle != row.particle || started.tool != row.tool) continue;
+    row.impulse = started.impulse;
+    for (int k = 0; k < 3; ++k) Apply(row, k, row.impulse(k), state, nullptr);
+  }
 }
 
 double ContactRows::Norm(const Within& within) {
@@ -164,8 +184,8 @@ double ContactRows::MissedSq() const {
 // Conjugate gradients, as SubspaceSystem::Solve(), with the rows' springs in the matrix: the way
 // from the unknown, what is left, and what the way does to the rows' speeds.
 int ContactRows::SolveLaws(const Within& within) {
-  const SubspaceSystem& system = *within.system;
-  const std::size_t n = step_.size();
+  const RowSystem& system = *within.system;
+  const std::size_t n = within.change_m_s.size();
   std::copy(within.residual_ns.begin(), within.residual_ns.end(), left_ns_.begin());
   std::fill(way_m_s_.begin(), way_m_s_.end(), Padded{});
   for (Law& law : laws_) law.way_m_s.setZero();
@@ -200,8 +220,9 @@ int ContactRows::SolveLaws(const Within& within) {
 // minimised along it is convex (friction's limits do not change), so that its slope is enough. r =
 // (1 - t) r_0 + t r_left + sum (J(t) - J(0) + t w way) g.
 void ContactRows::SearchAlong(const Within& within) {
+  const std::size_t n = within.change_m_s.size();
   double start = 0, curvature = 0;
-  for (std::size_t p = 0; p < way_m_s_.size(); ++p) {
+  for (std::size_t p = 0; p < n; ++p) {
     const Vec3 way = way_m_s_[p].vec(), residual = within.residual_ns[p].vec();
     start += way.dot(residual);
     curvature += way.dot(residual - left_ns_[p].vec());
@@ -232,7 +253,7 @@ void ContactRows::SearchAlong(const Within& within) {
     (now > 0 ? near : far) = part;
     (now > 0 ? near_descent : far_descent) = now;
   }
-  for (std::size_t p = 0; p < way_m_s_.size(); ++p) {
+  for (std::size_t p = 0; p < n; ++p) {
     for (int k = 0; k < 3; ++k) {
       double& residual = within.residual_ns[p].v[k];
       within.change_m_s[p].v[k] += part * way_m_s_[p].v[k];
@@ -259,6 +280,11 @@ double ContactRows::Multiply(const Within& within) {
       const Vec3 velocity = Moved(rows_[r].particle[i]);
       for (int k = 0; k < 3; ++k) law.along_m_s(k) += rows_[r].gradient[k][i].dot(velocity);
     }
+    if (rows_[r].tool >= 0) {
+      const Vec3 velocity =
+          within.system->ToolVelocity(rows_[r].tool, rows_[r].point_m, direction_);
+      for (int k = 0; k < 3; ++k) law.along_m_s(k) -= rows_[r].direction[k].dot(velocity);
+    }
     const Vec3 impulse = Answer(rows_[r], law, law.along_m_s);
     AddTo(product_, rows_[r], impulse, *within.system);
     sum += impulse.dot(law.along_m_s);
@@ -275,10 +301,8 @@ Vec3 ContactRows::Moved(int p) const {
 }
 
 void ContactRows::AddTo(std::span<Padded> to, const Row& row, const Vec3& impulse,
-                        const SubspaceSystem& system) const {
-  const auto give = [&](int p, const Vec3& share) {
-    if (system.active(p)) to[p].Set(to[p].vec() + share);
-  };
+                        const RowSystem& system) const {
+  const auto give = [&](int p, const Vec3& share) { system.Push(p, share, to); };
   for (int i = 0; i < kNodes; ++i) {
     const Vec3 share = impulse(0) * row.gradient[0][i] + impulse(1) * row.gradient[1][i] +
                        impulse(2) * row.gradient[2][i];
@@ -288,6 +312,10 @@ void ContactRows::AddTo(std::span<Padded> to, const Row& row, const Vec3& impuls
       give(row.particle[i], share);
     }
   }
+  if (row.tool < 0) return;
+  const Vec3 all =
+      impulse(0) * row.direction[0] + impulse(1) * row.direction[1] + impulse(2) * row.direction[2];
+  system.PushTool(row.tool, row.point_m, -all, to);
 }
 
 }  // namespace adhesim
