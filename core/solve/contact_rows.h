@@ -66,7 +66,7 @@ class ContactRows {
   // What rows are met within in an implicit step.
   struct Within {
     const RowSystem* system;
-    SubspaceSystem* tissue;  // its blocks of particles and zones
+    const SubspaceSystem* tissue;  // its blocks of particles and zones
     // The unknown of its equation and what is left of it, rows' impulses so far included.
     std::span<Padded> change_m_s, residual_ns;
     double target, tolerance;  // what may be left: in the preconditioner's norm, relative
@@ -78,6 +78,10 @@ class ContactRows {
   // what is unknown with them; `motion` is at the unknown as it comes in. Gives the impulses to no
   // velocities: ImpulseOn() has them. Returns the iterations of all solves.
   int MeetWithin(const State& state, const Motion& motion, const Within& within);
+  // What the tool's rows answer to its twist in a step, each with all around it held still; 0
+  // without rows. Once they are collected.
+  Mat6 Stiffness(int tool, const State& state, std::span<const RigidGroup> groups,
+                 const SubspaceSystem& system) const;
   // Goes on from there, where what is left has changed since.
   int MeetFurther(const State& state, const Within& within);
   // Forgets the rows.
@@ -185,7 +189,7 @@ class ContactRows {
     Vec3 weight_kg;           // likewise as the solve has them, softer or 0 beyond their limits
     Vec3 along_m_s, way_m_s;  // what a search direction, and all of them, do to the speed
   };
-  void StartLaw(const Row& row, const State& state, const Motion& motion, SubspaceSystem* system,
+  void StartLaw(const Row& row, const State& state, const Motion& motion, const Within& within,
                 Law* law) const;
   // N s along the surface; the adhesive acts across what is near enough to be captured.
   static double FrictionLimit(const Row& row, double normal_ns) {

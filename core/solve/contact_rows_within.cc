@@ -35,14 +35,40 @@ Vec3 Answer(const Row& row, const Law& law, const Vec3& speed_m_s) {
   return answer;
 }
 
+// Along the row's normal and tangents.
+template <typename Row>
+Vec3 Along(const Row& row, const Vec3& x) {
+  return {row.direction[0].dot(x), row.direction[1].dot(x), row.direction[2].dot(x)};
+}
+
 }  // namespace
 
+Mat6 ContactRows::Stiffness(int tool, const State& state, std::span<const RigidGroup> groups,
+                            const SubspaceSystem& system) const {
+  Mat6 sum = Mat6::Zero();
+  for (const Row& row : rows_) {
+    if (row.tool != tool) continue;
+    const Vec3 arm = row.point_m - state.tools[tool].pose.position_m;
+    for (int k = 0; k < 3; ++k) {
+      const double answer = Mobility(row, k, state, groups, &system);
+      Vec6 gradient;
+      gradient << row.direction[k], arm.cross(row.direction[k]);
+      if (answer > 0) sum += gradient * gradient.transpose() / answer;
+    }
+  }
+  return sum;
+}
+
 void ContactRows::StartLaw(const Row& row, const State& state, const Motion& motion,
-                           SubspaceSystem* system, Law* law) const {
+                           const Within& within, Law* law) const {
   std::array<double, 3> answer{};
   for (int k = 0; k < 3; ++k) {
     law->speed_m_s(k) = Speed(row, k, state, motion);
-    answer[k] = Mobility(row, k, state, motion.groups, system);
+    answer[k] = Mobility(row, k, state, motion.groups, within.tissue);
+  }
+  if (row.tool >= 0) {
+    law->speed_m_s -=
+        Along(row, within.system->ToolVelocity(row.tool, row.point_m, within.change_m_s));
   }
   const auto most = [](double mobility, double within) {
     return mobility > 0 && within > 0 ? kStiffer / within : 0;
@@ -98,7 +124,7 @@ void ContactRows::Renew(const Within& within) {
 int ContactRows::MeetWithin(const State& state, const Motion& motion, const Within& within) {
   laws_.clear();
   for (const Row& row : rows_) {
-    StartLaw(row, state, motion, within.tissue, &laws_.emplace_back());
+    StartLaw(row, state, motion, within, &laws_.emplace_back());
   }
   Renew(within);
   start_missed_sq_ = std::max(started_missed_sq_, MissedSq());
@@ -281,9 +307,8 @@ double ContactRows::Multiply(const Within& within) {
       for (int k = 0; k < 3; ++k) law.along_m_s(k) += rows_[r].gradient[k][i].dot(velocity);
     }
     if (rows_[r].tool >= 0) {
-      const Vec3 velocity =
-          within.system->ToolVelocity(rows_[r].tool, rows_[r].point_m, direction_);
-      for (int k = 0; k < 3; ++k) law.along_m_s(k) -= rows_[r].direction[k].dot(velocity);
+      law.along_m_s -=
+          Along(rows_[r], within.system->ToolVelocity(rows_[r].tool, rows_[r].point_m, direction_));
     }
     const Vec3 impulse = Answer(rows_[r], law, law.along_m_s);
     AddTo(product_, rows_[r], impulse, *within.system);

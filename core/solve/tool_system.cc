@@ -15,7 +15,7 @@ constexpr double kNothingFree = 1e-9;
 }  // namespace
 
 ToolSystem::ToolSystem(const Model& model, std::size_t rows)
-    : model_(model), tools_(model.tools.size()), rows_(rows), coming_(model.tools.size()) {
+    : model_(model), tools_(model.tools.size()), rows_(rows) {
   for (auto* array : {&change_m_s_, &residual_ns_, &direction_, &product_, &step_}) {
     array->assign(model.rest_position_m.size() + 2 * tools_.size(), Padded{});
   }
@@ -106,29 +106,6 @@ double ToolSystem::RowSpeed(std::size_t row, std::span<const Padded> x) const {
   return sum;
 }
 
-// What the surfaces that slide on a tool answer to its twist in a step, each corner with all around
-// it held still.
-Mat6 ToolSystem::Touched(int t) const {
-  Mat6 sum = Mat6::Zero();
-  for (const Bond& bond : state_->contacts.bonds) {
-    if (bond.tool != t || !bond.sliding) continue;
-    Vec3 point_m = Vec3::Zero();
-    Mat3 yields = Mat3::Zero();
-    for (int k = 0; k < 3; ++k) {
-      const int p = model_.triangles[bond.triangle][k];
-      point_m += bond.weights[k] * state_->position_m[p];
-      if (solver_->system().active(p)) {
-        yields += bond.weights[k] * bond.weights[k] * solver_->system().inverse_diagonal(p);
-      }
-    }
-    if (!(yields.trace() > 0)) continue;
-    Eigen::Matrix<double, 3, 6> motion;
-    motion << Mat3::Identity(), -CrossMatrix(point_m - state_->tools[t].pose.position_m);
-    sum += motion.transpose() * yields.ldlt().solve(motion);
-  }
-  return sum;
-}
-
 bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
                        std::span<const Mat6> own, double dt_s, ImplicitSolver* solver,
                        Parallel* parallel, const SlidingContacts& slides) {
@@ -136,9 +113,8 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
   state_ = &state;
   dt_s_ = dt_s;
   groups_ = groups;
-  slides_ = slides;
+  slides_ = slides.rows && slides.rows->possible() ? slides.rows : nullptr;
   slides_met_ = false;
-  if (slides_.rows) slides_.rows->ForgetStart();
   for (Tool& tool : tools_) {
     tool.zone = -1;
     tool.slides = false;
@@ -147,19 +123,24 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
     const Zone& zone = state.contacts.zones[z];
     if (zone.tool >= 0 && !zone.holds_sleepers) tools_[zone.tool].zone = static_cast<int>(z);
   }
-  for (const Bond& bond : state.contacts.bonds) {
-    if (slides_.rows && bond.tool >= 0 && bond.sliding) tools_[bond.tool].slides = true;
-  }
   SubspaceSystem& system = solver->system();
   MakeRows(groups, dt_s);
-  system.SetZones(state, groups);
+  if (slides_) {
+    system.SetZones(state, groups);
+    slides_->ForgetStart();
+    ContactRows::Tools still = slides.tools;
+    still.coming = still.before;
+    slides_->Collect(state, solver->MotionAt(change_m_s_, groups, state), still, dt_s, true);
+    slides_->ForEachOnTool(
+        [this](const ContactRows::OnTool& on) { tools_[on.tool].slides = true; });
+  }
   bool stiff = false;
   for (std::size_t t = 0; t < tools_.size(); ++t) {
     Tool& tool = tools_[t];
     if (!has(static_cast<int>(t))) continue;
     tool.members.setZero();
     Mat6 spare = own[t];
-    if (tool.slides) spare -= Touched(static_cast<int>(t));
+    if (tool.slides) spare -= slides_->Stiffness(static_cast<int>(t), state, groups, system);
     if (tool.zone >= 0) {
       tool.members = system.BlockOf(state, tool.zone, state.tools[t].pose.position_m);
       Mat6 mass;
@@ -313,8 +294,7 @@ void ToolSystem::Iterate(double target, double rz, StepReport* report, Parallel*
 }
 
 void ToolSystem::MeetSlides(StepReport* report, Parallel* parallel) {
-  if (!slides_.rows || !slides_.rows->possible()) return;
-  ContactRows& rows = *slides_.rows;
+  if (!slides_ || slides_->empty()) return;
   const ContactRows::Within within{this,
                                    &solver_->system(),
                                    change_m_s_,
@@ -325,23 +305,19 @@ void ToolSystem::MeetSlides(StepReport* report, Parallel* parallel) {
                                    parallel,
                                    report};
   if (slides_met_) {
-    rows.MeetFurther(*state_, within);
+    slides_->MeetFurther(*state_, within);
   } else {
     const ContactRows::Motion motion = solver_->MotionAt(change_m_s_, groups_, *state_);
     for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
-      const Vec6 twist = change(t);
-      const Twist& before = state_->tools[t].twist;
-      coming_[t] = {before.linear_m_s + twist.head<3>(), before.angular_rad_s + twist.tail<3>()};
-      if (tools_[t].zone >= 0) motion.groups[tools_[t].zone].twist = coming_[t];
+      if (tools_[t].zone < 0) continue;
+      Twist& twist = motion.groups[tools_[t].zone].twist;
+      twist.linear_m_s += change(t).head<3>();
+      twist.angular_rad_s += change(t).tail<3>();
     }
-    ContactRows::Tools tools = slides_.tools;
-    tools.coming = coming_;
-    rows.Collect(*state_, motion, tools, dt_s_, true);
-    if (rows.empty()) return;
-    rows.MeetWithin(*state_, motion, within);
+    slides_->MeetWithin(*state_, motion, within);
     slides_met_ = true;
   }
-  rows.KeepAsStart();
+  slides_->KeepAsStart();
 }
 
 }  // namespace adhesim

@@ -90,7 +90,6 @@ class ToolSystem : public RowSystem {
   // J^T g_r.
   Vec6 GradientOf(const Tool& tool, std::size_t row) const;
   double RowSpeed(std::size_t row, std::span<const Padded> x) const;
-  Mat6 Touched(int tool) const;
   Vec6 Of(int tool, std::span<const Padded> x) const;
   void Add(int tool, const Vec6& change, std::span<Padded> x) const;
   void Iterate(double target, double rz, StepReport* report, Parallel* parallel);
@@ -105,9 +104,8 @@ class ToolSystem : public RowSystem {
   bool pushed_ = false;           // what rows lack is in the residuals
   double dt_s_ = 0;
   std::span<const RigidGroup> groups_;
-  SlidingContacts slides_;
+  ContactRows* slides_ = nullptr;  // of this sub-step; null: nothing can slide
   bool slides_met_ = false;
-  std::vector<Twist> coming_;  // [#tools]
   std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;
 };
 
