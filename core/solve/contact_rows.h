@@ -90,7 +90,7 @@ class ContactRows {
   void KeepAsStart();
   void ForgetStart() {
     started_.clear();
-    started_missed_sq_ = 0;
+    started_ended_sq_ = 0;
   }
 
   // The particles that rows move, ascending, and what they get in this sub-step, N s.
@@ -215,7 +215,7 @@ class ContactRows {
   bool within_ = false;  // they are met within an implicit step
   // Of MeetWithin().
   std::vector<Law> laws_;  // [#rows]
-  double start_missed_sq_ = 0;
+  double ended_sq_ = 0;  // speeds that they end, (m/s)^2: the most missed since they were collected
   std::vector<Padded> direction_, product_, step_, way_m_s_, left_ns_;  // [#particles, tools' two]
   struct Started {
     std::array<std::int32_t, kNodes> particle;
@@ -223,7 +223,7 @@ class ContactRows {
     Vec3 impulse;
   };
   std::vector<Started> started_;  // [#rows] of KeepAsStart()
-  double started_missed_sq_ = 0;
+  double started_ended_sq_ = 0;
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
   CarriedLookup carried_;

@@ -15,9 +15,12 @@ namespace {
 
 constexpr double kStiffer = 20;   // a row than what it acts on: multipliers err by less, a turn
 constexpr int kMostSolves = 100;  // of one step
-constexpr double kMissed = 2e-4;  // by rows, of the speeds that they end
+// Limits renewed whole so often, and by half from then on: where friction presses what it holds,
+// they swing for ever.
+constexpr int kWholeLimits = 4;
+constexpr double kMissed = 2e-4;       // by rows, of the speeds that they end
 constexpr double kSolveLeaves = 0.03;  // of what it starts with
-constexpr int kSearchAttempts = 12;
+constexpr int kSearchAttempts = 60;
 constexpr double kFurthest = 256;   // of the way found
 constexpr double kSlopeLeft = 0.1;  // of the slope at the start, where a line search ends
 
@@ -127,21 +130,24 @@ int ContactRows::MeetWithin(const State& state, const Motion& motion, const With
     StartLaw(row, state, motion, within, &laws_.emplace_back());
   }
   Renew(within);
-  start_missed_sq_ = std::max(started_missed_sq_, MissedSq());
+  ended_sq_ = std::max(ended_sq_, MissedSq());
   return MeetFurther(state, within);
 }
 
 int ContactRows::MeetFurther(const State& state, const Within& within) {
-  int iterations = 0;
+  int iterations = 0, renewals = 0;
   for (int solve = 0;; ++solve) {
     const double left = Norm(within), impulses = ImpulseNorm();
     const bool solved = left <= std::max(within.target, within.tolerance * impulses);
     if (solved) {
-      if (MissedSq() <= kMissed * kMissed * start_missed_sq_) break;
+      if (MissedSq() <= kMissed * kMissed * ended_sq_) break;
+      const double part = renewals < kWholeLimits ? 1 : 0.5;
       for (std::size_t r = 0; r < rows_.size(); ++r) {
         laws_[r].multiplier_ns = laws_[r].impulse_ns;
-        laws_[r].limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+        const double limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+        laws_[r].limit_ns += part * (limit_ns - laws_[r].limit_ns);
       }
+      ++renewals;
       Renew(within);
     }
     if (solve == kMostSolves || !std::isfinite(left)) {
@@ -164,10 +170,11 @@ int ContactRows::MeetFurther(const State& state, const Within& within) {
 void ContactRows::KeepAsStart() {
   started_.clear();
   for (const Row& row : rows_) started_.push_back({row.particle, row.tool, row.impulse});
-  started_missed_sq_ = start_missed_sq_;
+  started_ended_sq_ = ended_sq_;
 }
 
 void ContactRows::StartAsKept(const State& state) {
+  ended_sq_ = started_ended_sq_;
   for (std::size_t r = 0; r < std::min(rows_.size(), started_.size()); ++r) {
     const Started& started = started_[r];
     Row& row = rows_[r];

@@ -168,8 +168,9 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
     Tool& tool = tools_[t];
     tool.law = {};
     if (tool.zone < 0) continue;
-    Add(static_cast<int>(t), SumOverMembers(tool, [&](int p) { return residual_ns_[p].vec(); }),
-        residual_ns_);
+    const Vec6 sum = SumOverMembers(tool, [&](int p) { return residual_ns_[p].vec(); });
+    Add(static_cast<int>(t), sum, residual_ns_);
+    SetMembers(tool, Vec6::Zero(), residual_ns_);  // the tool has it
   }
   return true;
 }
