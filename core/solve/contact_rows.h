@@ -202,6 +202,7 @@ class ContactRows {
   double Norm(const Within& within);
   double ImpulseNorm() const;
   double MissedSq() const;
+  double LimitsMissed() const;
   int SolveLaws(const Within& within);
   void SearchAlong(const Within& within);
   double Multiply(const Within& within);

@@ -18,7 +18,8 @@ constexpr int kMostSolves = 100;  // of one step
 // Limits renewed whole so often, and by half from then on: where friction presses what it holds,
 // they swing for ever.
 constexpr int kWholeLimits = 4;
-constexpr double kMissed = 2e-4;       // by rows, of the speeds that they end
+constexpr double kMissed = 2e-4;  // by rows, of the speeds that they end
+constexpr double kLimitMissed = 1e-3;
 constexpr double kSolveLeaves = 0.03;  // of what it starts with
 constexpr int kSearchAttempts = 60;
 constexpr double kFurthest = 256;   // of the way found
@@ -140,7 +141,7 @@ int ContactRows::MeetFurther(const State& state, const Within& within) {
     const double left = Norm(within), impulses = ImpulseNorm();
     const bool solved = left <= std::max(within.target, within.tolerance * impulses);
     if (solved) {
-      if (MissedSq() <= kMissed * kMissed * ended_sq_) break;
+      if (MissedSq() <= kMissed * kMissed * ended_sq_ && LimitsMissed() <= kLimitMissed) break;
       const double part = renewals < kWholeLimits ? 1 : 0.5;
       for (std::size_t r = 0; r < rows_.size(); ++r) {
         laws_[r].multiplier_ns = laws_[r].impulse_ns;
@@ -198,6 +199,17 @@ double ContactRows::ImpulseNorm() const {
     }
   }
   return std::sqrt(sum);
+}
+
+// By friction's limits of what normal impulses make them, relative, of all rows.
+double ContactRows::LimitsMissed() const {
+  double missed = 0, sum = 0;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+    missed += std::abs(limit_ns - laws_[r].limit_ns);
+    sum += limit_ns;
+  }
+  return sum > 0 ? missed / sum : 0;
 }
 
 // What springs beside the multipliers still end, of all rows: (m/s)^2.
