@@ -148,7 +148,8 @@ TEST(ImplicitFriction, ADraggedToolFeelsFrictionAndClosesTheBooks) {
 
 // A needle that presses 2 mm into a block, or onto a ball on the floor (whose surface is carried),
 // and is dragged along.
-std::string LightNeedle(const std::string& step, bool ball, double young_pa, double mass_kg) {
+std::string LightNeedle(const std::string& step, bool ball, double young_pa, double mass_kg,
+                        double strength_pa = 0) {
   const std::string bodies = ball ? R"(
   - {name: floor, kind: rigid, block: {size_m: [0.1, 0.1, 0.01], cells: 4}, mass_kg: 1, fixed: [all: true], position_m: [0, 0, -0.0205]}
   - {name: ball, icosphere: {radius_m: 0.015, subdivisions: 1}, tetrahedra: {cells: 3}, density_kg_m3: 1000, position_m: [0.001, 0.002, 0]})"
@@ -162,7 +163,8 @@ tools:
     orientation_wxyz: [0.98, 0.199, 0, 0]
     coupling: {stiffness_n_m: 1000, max_force_n: 10, mass_kg: )" +
          std::to_string(mass_kg) + R"(}
-    adhesion: {normal_strength_pa: 0, friction_coefficient: 1.2}
+    adhesion: {friction_coefficient: 1.2, normal_strength_pa: )" +
+         std::to_string(strength_pa) + R"(}
     trajectory:
       - {t_s: 0, position_m: [0.001, 0.002, 0.018]}
       - {t_s: 0.1, position_m: [0.001, 0.002, 0.013]}
@@ -207,6 +209,25 @@ TEST(ImplicitFriction, ALightToolThatSlidesIsOneSystemWithTheTissue) {
       }
     }
   }
+}
+
+// What it holds and what slides on it are in the same equation.
+TEST(ImplicitFriction, AToolThatHoldsAndSlidesIsSolvedForBoth) {
+  int both = 0;
+  for (const double young_pa : {1e5, 1e6}) {
+    auto engine = EngineOf(LightNeedle(Step(200, "implicit"), false, young_pa, 0.02, 2000));
+    for (int step = 0; step < 60; ++step) {
+      EXPECT_EQ(engine->Step({}).bits & kStepNotConverged, 0u) << young_pa << ", " << step;
+      const Contacts& contacts = engine->state().contacts;
+      const bool holds = std::any_of(contacts.zones.begin(), contacts.zones.end(),
+                                     [](const Zone& zone) { return zone.tool >= 0; });
+      const bool slides = std::any_of(contacts.bonds.begin(), contacts.bonds.end(),
+                                      [](const Bond& bond) { return bond.sliding; });
+      both += holds && slides;
+      EXPECT_LT(engine->state().tools[0].tissue.force_n.norm(), 6);
+    }
+  }
+  EXPECT_GT(both, 5);
 }
 
 }  // namespace
