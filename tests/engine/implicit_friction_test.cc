@@ -175,7 +175,7 @@ tools:
 
 // A tool that slides feels in the same step what the tissue answers: its momentum changes by what
 // coupling and tissue give it, and the tissue's force stays what its spring can hold. With the
-// force of the step before it swung: 15 to 250 N on such needles.
+// force of the step before it swung: 19 to 98 N.
 TEST(ImplicitFriction, ALightToolThatSlidesIsOneSystemWithTheTissue) {
   for (const std::string integrator : {"implicit", "newton"}) {
     for (const bool ball : {false, true}) {
@@ -214,20 +214,19 @@ TEST(ImplicitFriction, ALightToolThatSlidesIsOneSystemWithTheTissue) {
 // What it holds and what slides on it are in the same equation.
 TEST(ImplicitFriction, AToolThatHoldsAndSlidesIsSolvedForBoth) {
   int both = 0;
-  for (const double young_pa : {1e5, 1e6}) {
-    auto engine = EngineOf(LightNeedle(Step(200, "implicit"), false, young_pa, 0.02, 2000));
-    for (int step = 0; step < 60; ++step) {
-      EXPECT_EQ(engine->Step({}).bits & kStepNotConverged, 0u) << young_pa << ", " << step;
-      const Contacts& contacts = engine->state().contacts;
-      const bool holds = std::any_of(contacts.zones.begin(), contacts.zones.end(),
-                                     [](const Zone& zone) { return zone.tool >= 0; });
-      const bool slides = std::any_of(contacts.bonds.begin(), contacts.bonds.end(),
-                                      [](const Bond& bond) { return bond.sliding; });
-      both += holds && slides;
-      EXPECT_LT(engine->state().tools[0].tissue.force_n.norm(), 6);
-    }
+  auto engine = EngineOf(LightNeedle(Step(200, "implicit"), true, 1e6, 0.02, 200));
+  for (int step = 0; step < 60; ++step) {
+    EXPECT_EQ(engine->Step({}).bits & kStepNotConverged, 0u) << step;
+    const Contacts& contacts = engine->state().contacts;
+    const bool holds = std::any_of(contacts.zones.begin(), contacts.zones.end(),
+                                   [](const Zone& zone) { return zone.tool >= 0; });
+    const bool slides =
+        std::any_of(contacts.bonds.begin(), contacts.bonds.end(),
+                    [](const Bond& bond) { return bond.tool >= 0 && bond.sliding; });
+    both += holds && slides;
+    EXPECT_LT(engine->state().tools[0].tissue.force_n.norm(), 3);  // 2.5 mm pressed
   }
-  EXPECT_GT(both, 5);
+  EXPECT_GE(both, 5);
 }
 
 }  // namespace
