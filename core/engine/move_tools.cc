@@ -13,7 +13,7 @@ void Pipeline::MoveTools(double dt_s) {
   const bool together = tool_system_ && StepsImplicitly() && MoveWithTissue(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const int tool = static_cast<int>(t);
-    if (!together || !tool_system_->holds(tool)) FollowAgainstForces(tool, dt_s);
+    if (!together || !tool_system_->has(tool)) FollowAgainstForces(tool, dt_s);
     Twist twist = NotIntoHeldTissue(tool, tool_twist_[t]);
     if (tools_can_collide_) twist = Unobstructed(tool, twist, dt_s);
     tool_twist_[t] = twist;
@@ -41,8 +41,9 @@ void Pipeline::FollowAgainstForces(int t, double dt_s) {
   tool_twist_[t] = result.twist;
 }
 
-// The next twists of the tools that hold implicit tissue, with that tissue's answer to them in the
-// same equation (ToolSystem). False where that makes no difference, and nothing is done.
+// The next twists of the tools that hold implicit tissue or slide on it, with that tissue's answer
+// to them in the same equation (ToolSystem). False where that makes no difference, and nothing is
+// done.
 bool Pipeline::MoveWithTissue(double dt_s) {
   const int tools = static_cast<int>(state_.tools.size());
   for (int t = 0; t < tools; ++t) {
@@ -50,19 +51,17 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   }
   solver_->FormGroups(state_, last_twist_);
   if (!tool_system_->Begin(state_, solver_->groups(), own_inertia_, dt_s, implicit_.get(),
-                           &parallel_)) {
+                           &parallel_, solver_->sliding())) {
     return false;
   }
   const auto with_carried = [&](int t) -> Mat6 { return own_inertia_[t] + CarriedInertia(t); };
   const auto solve = [&] {
     for (int t = 0; t < tools; ++t) {
       const ToolState& tool = state_.tools[t];
-      Vec6 twist, rubbed;
+      Vec6 twist;
       twist << tool.twist.linear_m_s, tool.twist.angular_rad_s;
-      rubbed << tool.rubbed.force_n, tool.rubbed.torque_nm;
-      tool_law_[t] = {
-          own_inertia_[t] + coupling_law_[t].resistance,
-          coupling_law_[t].impulse + dt_s * rubbed - coupling_law_[t].resistance * twist};
+      tool_law_[t] = {own_inertia_[t] + coupling_law_[t].resistance,
+                      coupling_law_[t].impulse - coupling_law_[t].resistance * twist};
     }
     tool_system_->Solve(tool_law_, &report_, &parallel_);
   };
@@ -80,7 +79,7 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   solve();
   bool any_limited = false;
   for (int t = 0; t < tools; ++t) {
-    if (!tool_system_->holds(t)) continue;
+    if (!tool_system_->has(t)) continue;
     bool limited = false;
     const Vec6 wrench =
         LimitWrench(model_->tools[t].coupling, twist_of(t), dt_s, &coupling_law_[t], &limited);
@@ -90,7 +89,7 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   }
   if (any_limited) solve();
   for (int t = 0; t < tools; ++t) {
-    if (!tool_system_->holds(t)) continue;
+    if (!tool_system_->has(t)) continue;
     ToolState& tool = state_.tools[t];
     Vec6 before, twist = twist_of(t);
     before << tool.twist.linear_m_s, tool.twist.angular_rad_s;

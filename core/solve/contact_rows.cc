@@ -35,8 +35,9 @@ ContactRows::ContactRows(const Model& model) : model_(model), carried_(model) {
   if (tools) touch_.assign(n, 0);
   if (model.integrator != Integrator::kExplicit) {
     laws_.reserve(rows_.capacity());
+    if (tools) started_.reserve(rows_.capacity());
     for (auto* array : {&direction_, &product_, &step_, &way_m_s_, &left_ns_})
-      array->assign(n, Padded{});
+      array->assign(n + 2 * model.tools.size(), Padded{});
   }
   if (carried_.empty()) return;
   carried_touching_.reserve(model.carried.size());
@@ -67,6 +68,7 @@ void ContactRows::Collect(const State& state, const Motion& motion, const Tools&
   for (int p : acted_) stamp_[p] = 0;
   for (int p : carried_touching_) stamp_[p] = 0;
   std::sort(acted_.begin(), acted_.end());
+  if (within) StartAsKept(state);
 }
 
 void ContactRows::Act(int p) {

@@ -65,7 +65,8 @@ class ContactRows {
 
   // What rows are met within in an implicit step.
   struct Within {
-    SubspaceSystem* system;
+    const RowSystem* system;
+    const SubspaceSystem* tissue;  // its blocks of particles and zones
     // The unknown of its equation and what is left of it, rows' impulses so far included.
     std::span<Padded> change_m_s, residual_ns;
     double target, tolerance;  // what may be left: in the preconditioner's norm, relative
@@ -77,8 +78,20 @@ class ContactRows {
   // what is unknown with them; `motion` is at the unknown as it comes in. Gives the impulses to no
   // velocities: ImpulseOn() has them. Returns the iterations of all solves.
   int MeetWithin(const State& state, const Motion& motion, const Within& within);
+  // What the tool's rows answer to its twist in a step, each with all around it held still; 0
+  // without rows. Once they are collected.
+  Mat6 Stiffness(int tool, const State& state, std::span<const RigidGroup> groups,
+                 const SubspaceSystem& system) const;
+  // Goes on from there, where what is left has changed since.
+  int MeetFurther(const State& state, const Within& within);
   // Forgets the rows.
   void Clear();
+  // The impulses found are where those of the same rows start when they are collected again.
+  void KeepAsStart();
+  void ForgetStart() {
+    started_.clear();
+    started_ended_sq_ = 0;
+  }
 
   // The particles that rows move, ascending, and what they get in this sub-step, N s.
   std::span<const std::int32_t> particles() const { return acted_; }
@@ -176,7 +189,7 @@ class ContactRows {
     Vec3 weight_kg;           // likewise as the solve has them, softer or 0 beyond their limits
     Vec3 along_m_s, way_m_s;  // what a search direction, and all of them, do to the speed
   };
-  void StartLaw(const Row& row, const State& state, const Motion& motion, SubspaceSystem* system,
+  void StartLaw(const Row& row, const State& state, const Motion& motion, const Within& within,
                 Law* law) const;
   // N s along the surface; the adhesive acts across what is near enough to be captured.
   static double FrictionLimit(const Row& row, double normal_ns) {
@@ -189,19 +202,29 @@ class ContactRows {
   double Norm(const Within& within);
   double ImpulseNorm() const;
   double MissedSq() const;
+  double LimitsMissed() const;
   int SolveLaws(const Within& within);
   void SearchAlong(const Within& within);
   double Multiply(const Within& within);
   Vec3 Moved(int particle) const;
   void AddTo(std::span<Padded> to, const Row& row, const Vec3& impulse,
-             const SubspaceSystem& system) const;
+             const RowSystem& system) const;
+  void StartAsKept(const State& state);
 
   const Model& model_;
   std::vector<Row> rows_;
   bool within_ = false;  // they are met within an implicit step
   // Of MeetWithin().
-  std::vector<Law> laws_;                                               // [#rows]
-  std::vector<Padded> direction_, product_, step_, way_m_s_, left_ns_;  // [#particles]
+  std::vector<Law> laws_;  // [#rows]
+  double ended_sq_ = 0;  // speeds that they end, (m/s)^2: the most missed since they were collected
+  std::vector<Padded> direction_, product_, step_, way_m_s_, left_ns_;  // [#particles, tools' two]
+  struct Started {
+    std::array<std::int32_t, kNodes> particle;
+    std::int32_t tool;
+    Vec3 impulse;
+  };
+  std::vector<Started> started_;  // [#rows] of KeepAsStart()
+  double started_ended_sq_ = 0;
   std::vector<Verdict> verdicts_;
   std::vector<Interface> interfaces_;  // ascending
   CarriedLookup carried_;

@@ -15,9 +15,13 @@ namespace {
 
 constexpr double kStiffer = 20;   // a row than what it acts on: multipliers err by less, a turn
 constexpr int kMostSolves = 100;  // of one step
+// Limits renewed whole so often, and by half from then on: where friction presses what it holds,
+// they swing for ever.
+constexpr int kWholeLimits = 4;
 constexpr double kMissed = 2e-4;  // by rows, of the speeds that they end
+constexpr double kLimitMissed = 1e-3;
 constexpr double kSolveLeaves = 0.03;  // of what it starts with
-constexpr int kSearchAttempts = 12;
+constexpr int kSearchAttempts = 60;
 constexpr double kFurthest = 256;   // of the way found
 constexpr double kSlopeLeft = 0.1;  // of the slope at the start, where a line search ends
 
@@ -35,14 +39,40 @@ Vec3 Answer(const Row& row, const Law& law, const Vec3& speed_m_s) {
   return answer;
 }
 
+// Along the row's normal and tangents.
+template <typename Row>
+Vec3 Along(const Row& row, const Vec3& x) {
+  return {row.direction[0].dot(x), row.direction[1].dot(x), row.direction[2].dot(x)};
+}
+
 }  // namespace
 
+Mat6 ContactRows::Stiffness(int tool, const State& state, std::span<const RigidGroup> groups,
+                            const SubspaceSystem& system) const {
+  Mat6 sum = Mat6::Zero();
+  for (const Row& row : rows_) {
+    if (row.tool != tool) continue;
+    const Vec3 arm = row.point_m - state.tools[tool].pose.position_m;
+    for (int k = 0; k < 3; ++k) {
+      const double answer = Mobility(row, k, state, groups, &system);
+      Vec6 gradient;
+      gradient << row.direction[k], arm.cross(row.direction[k]);
+      if (answer > 0) sum += gradient * gradient.transpose() / answer;
+    }
+  }
+  return sum;
+}
+
 void ContactRows::StartLaw(const Row& row, const State& state, const Motion& motion,
-                           SubspaceSystem* system, Law* law) const {
+                           const Within& within, Law* law) const {
   std::array<double, 3> answer{};
   for (int k = 0; k < 3; ++k) {
     law->speed_m_s(k) = Speed(row, k, state, motion);
-    answer[k] = Mobility(row, k, state, motion.groups, system);
+    answer[k] = Mobility(row, k, state, motion.groups, within.tissue);
+  }
+  if (row.tool >= 0) {
+    law->speed_m_s -=
+        Along(row, within.system->ToolVelocity(row.tool, row.point_m, within.change_m_s));
   }
   const auto most = [](double mobility, double within) {
     return mobility > 0 && within > 0 ? kStiffer / within : 0;
@@ -98,20 +128,27 @@ void ContactRows::Renew(const Within& within) {
 int ContactRows::MeetWithin(const State& state, const Motion& motion, const Within& within) {
   laws_.clear();
   for (const Row& row : rows_) {
-    StartLaw(row, state, motion, within.system, &laws_.emplace_back());
+    StartLaw(row, state, motion, within, &laws_.emplace_back());
   }
   Renew(within);
-  const double start_sq = MissedSq();
-  int iterations = 0;
+  ended_sq_ = std::max(ended_sq_, MissedSq());
+  return MeetFurther(state, within);
+}
+
+int ContactRows::MeetFurther(const State& state, const Within& within) {
+  int iterations = 0, renewals = 0;
   for (int solve = 0;; ++solve) {
     const double left = Norm(within), impulses = ImpulseNorm();
     const bool solved = left <= std::max(within.target, within.tolerance * impulses);
     if (solved) {
-      if (MissedSq() <= kMissed * kMissed * start_sq) break;
+      if (MissedSq() <= kMissed * kMissed * ended_sq_ && LimitsMissed() <= kLimitMissed) break;
+      const double part = renewals < kWholeLimits ? 1 : 0.5;
       for (std::size_t r = 0; r < rows_.size(); ++r) {
         laws_[r].multiplier_ns = laws_[r].impulse_ns;
-        laws_[r].limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+        const double limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+        laws_[r].limit_ns += part * (limit_ns - laws_[r].limit_ns);
       }
+      ++renewals;
       Renew(within);
     }
     if (solve == kMostSolves || !std::isfinite(left)) {
@@ -131,6 +168,23 @@ int ContactRows::MeetWithin(const State& state, const Motion& motion, const With
   return iterations;
 }
 
+void ContactRows::KeepAsStart() {
+  started_.clear();
+  for (const Row& row : rows_) started_.push_back({row.particle, row.tool, row.impulse});
+  started_ended_sq_ = ended_sq_;
+}
+
+void ContactRows::StartAsKept(const State& state) {
+  ended_sq_ = started_ended_sq_;
+  for (std::size_t r = 0; r < std::min(rows_.size(), started_.size()); ++r) {
+    const Started& started = started_[r];
+    Row& row = rows_[r];
+    if (started.particle != row.particle || started.tool != row.tool) continue;
+    row.impulse = started.impulse;
+    for (int k = 0; k < 3; ++k) Apply(row, k, row.impulse(k), state, nullptr);
+  }
+}
+
 double ContactRows::Norm(const Within& within) {
   return std::sqrt(within.system->Precondition(within.residual_ns, step_, within.parallel));
 }
@@ -145,6 +199,17 @@ double ContactRows::ImpulseNorm() const {
     }
   }
   return std::sqrt(sum);
+}
+
+// By friction's limits of what normal impulses make them, relative, of all rows.
+double ContactRows::LimitsMissed() const {
+  double missed = 0, sum = 0;
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double limit_ns = FrictionLimit(rows_[r], laws_[r].impulse_ns(0));
+    missed += std::abs(limit_ns - laws_[r].limit_ns);
+    sum += limit_ns;
+  }
+  return sum > 0 ? missed / sum : 0;
 }
 
 // What springs beside the multipliers still end, of all rows: (m/s)^2.
@@ -164,8 +229,8 @@ double ContactRows::MissedSq() const {
 // Conjugate gradients, as SubspaceSystem::Solve(), with the rows' springs in the matrix: the way
 // from the unknown, what is left, and what the way does to the rows' speeds.
 int ContactRows::SolveLaws(const Within& within) {
-  const SubspaceSystem& system = *within.system;
-  const std::size_t n = step_.size();
+  const RowSystem& system = *within.system;
+  const std::size_t n = within.change_m_s.size();
   std::copy(within.residual_ns.begin(), within.residual_ns.end(), left_ns_.begin());
   std::fill(way_m_s_.begin(), way_m_s_.end(), Padded{});
   for (Law& law : laws_) law.way_m_s.setZero();
@@ -200,8 +265,9 @@ int ContactRows::SolveLaws(const Within& within) {
 // minimised along it is convex (friction's limits do not change), so that its slope is enough. r =
 // (1 - t) r_0 + t r_left + sum (J(t) - J(0) + t w way) g.
 void ContactRows::SearchAlong(const Within& within) {
+  const std::size_t n = within.change_m_s.size();
   double start = 0, curvature = 0;
-  for (std::size_t p = 0; p < way_m_s_.size(); ++p) {
+  for (std::size_t p = 0; p < n; ++p) {
     const Vec3 way = way_m_s_[p].vec(), residual = within.residual_ns[p].vec();
     start += way.dot(residual);
     curvature += way.dot(residual - left_ns_[p].vec());
@@ -232,7 +298,7 @@ void ContactRows::SearchAlong(const Within& within) {
     (now > 0 ? near : far) = part;
     (now > 0 ? near_descent : far_descent) = now;
   }
-  for (std::size_t p = 0; p < way_m_s_.size(); ++p) {
+  for (std::size_t p = 0; p < n; ++p) {
     for (int k = 0; k < 3; ++k) {
       double& residual = within.residual_ns[p].v[k];
       within.change_m_s[p].v[k] += part * way_m_s_[p].v[k];
@@ -259,6 +325,10 @@ double ContactRows::Multiply(const Within& within) {
       const Vec3 velocity = Moved(rows_[r].particle[i]);
       for (int k = 0; k < 3; ++k) law.along_m_s(k) += rows_[r].gradient[k][i].dot(velocity);
     }
+    if (rows_[r].tool >= 0) {
+      law.along_m_s -=
+          Along(rows_[r], within.system->ToolVelocity(rows_[r].tool, rows_[r].point_m, direction_));
+    }
     const Vec3 impulse = Answer(rows_[r], law, law.along_m_s);
     AddTo(product_, rows_[r], impulse, *within.system);
     sum += impulse.dot(law.along_m_s);
@@ -275,10 +345,8 @@ Vec3 ContactRows::Moved(int p) const {
 }
 
 void ContactRows::AddTo(std::span<Padded> to, const Row& row, const Vec3& impulse,
-                        const SubspaceSystem& system) const {
-  const auto give = [&](int p, const Vec3& share) {
-    if (system.active(p)) to[p].Set(to[p].vec() + share);
-  };
+                        const RowSystem& system) const {
+  const auto give = [&](int p, const Vec3& share) { system.Push(p, share, to); };
   for (int i = 0; i < kNodes; ++i) {
     const Vec3 share = impulse(0) * row.gradient[0][i] + impulse(1) * row.gradient[1][i] +
                        impulse(2) * row.gradient[2][i];
@@ -288,6 +356,10 @@ void ContactRows::AddTo(std::span<Padded> to, const Row& row, const Vec3& impuls
       give(row.particle[i], share);
     }
   }
+  if (row.tool < 0) return;
+  const Vec3 all =
+      impulse(0) * row.direction[0] + impulse(1) * row.direction[1] + impulse(2) * row.direction[2];
+  system.PushTool(row.tool, row.point_m, -all, to);
 }
 
 }  // namespace adhesim

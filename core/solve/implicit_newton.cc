@@ -109,8 +109,9 @@ void ImplicitSolver::NewtonWithRows(std::span<const RigidGroup> groups, double d
 // as in linear steps.
 void ImplicitSolver::SolveNewton(std::span<const RigidGroup> groups, double dt_s,
                                  const State& state, Parallel* parallel, StepReport* report) {
+  const bool slides = CollectSlides(groups, dt_s, state);
   NewtonWithRows(groups, dt_s, state, parallel, report);
-  if (CollectSlides(groups, dt_s, state)) {
+  if (slides) {
     for (int turn = 0; turn < kSlideTurns; ++turn) {
       const double target = std::max(effort_.tolerance * scale_, round_off_);
       MeetSlides(groups, target, state, parallel, report);

@@ -4,11 +4,11 @@
 
 namespace adhesim {
 
-// Velocities found so far, and the zones' motions at them.
-ContactRows::Motion ImplicitSolver::MotionNow(std::span<const RigidGroup> groups,
-                                              const State& state) {
+ContactRows::Motion ImplicitSolver::MotionAt(std::span<const Padded> change_m_s,
+                                             std::span<const RigidGroup> groups,
+                                             const State& state) {
   for (std::size_t p = 0; p < velocity_m_s_.size(); ++p) {
-    velocity_m_s_[p] = prescribed_m_s_[p].vec() + change_m_s_[p].vec() + arc_m_s_[p];
+    velocity_m_s_[p] = prescribed_m_s_[p].vec() + change_m_s[p].vec() + arc_m_s_[p];
   }
   groups_at_change_.assign(groups.begin(), groups.end());
   for (std::size_t z = 0; z < groups.size(); ++z) {
@@ -24,7 +24,7 @@ ContactRows::Motion ImplicitSolver::MotionNow(std::span<const RigidGroup> groups
 bool ImplicitSolver::CollectSlides(std::span<const RigidGroup> groups, double dt_s,
                                    const State& state) {
   if (!slides_.rows || !slides_.rows->possible()) return false;
-  slides_.rows->Collect(state, MotionNow(groups, state), slides_.tools, dt_s, true);
+  slides_.rows->Collect(state, MotionAt(change_m_s_, groups, state), slides_.tools, dt_s, true);
   return !slides_.rows->empty();
 }
 
@@ -32,9 +32,9 @@ bool ImplicitSolver::CollectSlides(std::span<const RigidGroup> groups, double dt
 void ImplicitSolver::MeetSlides(std::span<const RigidGroup> groups, double target,
                                 const State& state, Parallel* parallel, StepReport* report) {
   iterations_ +=
-      slides_.rows->MeetWithin(state, MotionNow(groups, state),
-                               {&system_, change_m_s_, residual_ns_, round_off_, effort_.tolerance,
-                                model_.max_iterations, parallel, report});
+      slides_.rows->MeetWithin(state, MotionAt(change_m_s_, groups, state),
+                               {&system_, &system_, change_m_s_, residual_ns_, round_off_,
+                                effort_.tolerance, model_.max_iterations, parallel, report});
   const SubspaceSystem::Result result =
       system_.Solve(target, model_.max_iterations, change_m_s_, residual_ns_, parallel);
   iterations_ += result.iterations;

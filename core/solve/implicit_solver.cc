@@ -293,6 +293,7 @@ void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* p
 
 void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,
                                  const State& state, Parallel* parallel, StepReport* report) {
+  const bool slides = CollectSlides(groups, dt_s, state);
   LinearResidual(dt_s, state, parallel);
   const double start_sq = system_.Precondition(residual_ns_, direction_, parallel);
   const double scale = std::max(scale_, std::sqrt(start_sq));
@@ -308,7 +309,7 @@ void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s
     LinearResidual(dt_s, state, parallel);
     system_.Balance(change_m_s_, residual_ns_);
   }
-  if (CollectSlides(groups, dt_s, state)) {
+  if (slides) {
     for (int turn = 0; turn < (rows_.empty() ? 1 : kSlideTurns); ++turn) {
       MeetSlides(groups, std::max(effort_.tolerance * scale, round_off_), state, parallel, report);
       BalanceLinear(dt_s, state, parallel);

@@ -81,6 +81,11 @@ class ImplicitSolver {
   // all particles that can move.
   void StartResidual(std::span<const RigidGroup> groups, double dt_s, const State& state,
                      Parallel* parallel, std::span<Padded> residual);
+  // Velocities and zones' motions at this change from there, or from where a solve started. Valid
+  // until the next call.
+  ContactRows::Motion MotionAt(std::span<const Padded> change_m_s,
+                               std::span<const RigidGroup> groups, const State& state);
+  double tolerance() const { return effort_.tolerance; }
   // What may be left of a residual of this size, in the preconditioner's norm.
   double Target(double residual) const {
     return std::max(effort_.tolerance * residual, round_off_);
@@ -129,7 +134,6 @@ class ImplicitSolver {
   bool CollectSlides(std::span<const RigidGroup> groups, double dt_s, const State& state);
   void MeetSlides(std::span<const RigidGroup> groups, double target, const State& state,
                   Parallel* parallel, StepReport* report);
-  ContactRows::Motion MotionNow(std::span<const RigidGroup> groups, const State& state);
   // N s, of all that is met within the solve.
   Vec3 InnerImpulse(int p) const {
     return slides_.rows ? Vec3(rows_.ImpulseOn(p) + slides_.rows->ImpulseOn(p))

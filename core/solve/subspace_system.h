@@ -10,17 +10,9 @@
 #include "core/model/parallel.h"
 #include "core/model/state.h"
 #include "core/solve/rigid_group.h"
+#include "core/solve/row_system.h"
 
 namespace adhesim {
-
-// A particle's three numbers and a zero: one vector register.
-struct alignas(32) Padded {
-  double v[4] = {};
-  Vec3 vec() const { return {v[0], v[1], v[2]}; }
-  void Set(const Vec3& x) {
-    for (int k = 0; k < 3; ++k) v[k] = x(k);
-  }
-};
 
 // S^T A S y = S^T b by conjugate gradients (Baraff and Witkin 1998, in the form of a projected
 // preconditioner). S are the velocities that zones leave: three numbers of each free particle, the
@@ -35,7 +27,7 @@ struct alignas(32) Padded {
 //
 // Dot products are summed in chunks of particles, then over the chunks in order: the same bits for
 // any number of threads and any instruction set. Allocates at construction only.
-class SubspaceSystem {
+class SubspaceSystem : public RowSystem {
  public:
   // Both outlive the system. `matrix` is A once the caller has assembled it.
   SubspaceSystem(const Model& model, const BlockMatrix& matrix);
@@ -50,13 +42,23 @@ class SubspaceSystem {
   // S_z^T A S_z of a zone's members that can move, whoever moves them, as twists about a pivot.
   Mat6 BlockOf(const State& state, int zone, const Vec3& pivot_m) const;
   // y = A x in the active rows, 0 in the others; returns x.y.
-  double Multiply(std::span<const Padded> x, std::span<Padded> y, Parallel* parallel) const;
+  double Multiply(std::span<const Padded> x, std::span<Padded> y,
+                  Parallel* parallel) const override;
   // One row of A x, active or not.
   Vec3 MultiplyRow(int row, std::span<const Padded> x) const;
   // z = P^-1 r; returns r.z, the square of the norm that tolerances are measured in. The one place
   // for another preconditioner: it must be symmetric, positive definite on the subspace, and give
   // vectors of it.
-  double Precondition(std::span<const Padded> r, std::span<Padded> z, Parallel* parallel) const;
+  double Precondition(std::span<const Padded> r, std::span<Padded> z,
+                      Parallel* parallel) const override;
+  void Push(int particle, const Vec3& impulse_ns, std::span<Padded> r) const override {
+    if (active_[particle]) r[particle].Set(r[particle].vec() + impulse_ns);
+  }
+  // Tools are prescribed.
+  void PushTool(int, const Vec3&, const Vec3&, std::span<Padded>) const override {}
+  Vec3 ToolVelocity(int, const Vec3&, std::span<const Padded>) const override {
+    return Vec3::Zero();
+  }
   // The projection of any velocities onto the subspace, in the metric of the masses.
   void Project(const State& state, std::span<const RigidGroup> groups,
                std::span<Padded> velocity) const;

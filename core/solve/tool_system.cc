@@ -17,10 +17,23 @@ constexpr double kNothingFree = 1e-9;
 ToolSystem::ToolSystem(const Model& model, std::size_t rows)
     : model_(model), tools_(model.tools.size()), rows_(rows) {
   for (auto* array : {&change_m_s_, &residual_ns_, &direction_, &product_, &step_}) {
-    array->assign(model.rest_position_m.size(), Padded{});
+    array->assign(model.rest_position_m.size() + 2 * tools_.size(), Padded{});
   }
   if (rows > 0) position_m_ = model.rest_position_m;
   for (Tool& tool : tools_) tool.gradient.assign(rows, Vec6::Zero());
+}
+
+Vec6 ToolSystem::Of(int tool, std::span<const Padded> x) const {
+  const std::size_t at = model_.rest_position_m.size() + 2 * static_cast<std::size_t>(tool);
+  Vec6 both;
+  both << x[at].vec(), x[at + 1].vec();
+  return both;
+}
+
+void ToolSystem::Add(int tool, const Vec6& change, std::span<Padded> x) const {
+  const std::size_t at = model_.rest_position_m.size() + 2 * static_cast<std::size_t>(tool);
+  x[at].Set(x[at].vec() + change.head<3>());
+  x[at + 1].Set(x[at + 1].vec() + change.tail<3>());
 }
 
 template <typename Row>
@@ -85,40 +98,61 @@ Vec6 ToolSystem::GradientOf(const Tool& tool, std::size_t row) const {
 }
 
 // g.v of tools' motions: of a covered row nothing else moves.
-double ToolSystem::RowSpeed(std::size_t row, Vec6 Tool::*motion) const {
+double ToolSystem::RowSpeed(std::size_t row, std::span<const Padded> x) const {
   double sum = 0;
-  for (const Tool& tool : tools_) {
-    if (tool.zone >= 0) sum += tool.gradient[row].dot(tool.*motion);
+  for (std::size_t t = 0; t < tools_.size(); ++t) {
+    if (tools_[t].zone >= 0) sum += tools_[t].gradient[row].dot(Of(static_cast<int>(t), x));
   }
   return sum;
 }
 
 bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
                        std::span<const Mat6> own, double dt_s, ImplicitSolver* solver,
-                       Parallel* parallel) {
+                       Parallel* parallel, const SlidingContacts& slides) {
   solver_ = solver;
   state_ = &state;
-  for (Tool& tool : tools_) tool.zone = -1;
+  dt_s_ = dt_s;
+  groups_ = groups;
+  slides_ = slides.rows && slides.rows->possible() ? slides.rows : nullptr;
+  slides_met_ = false;
+  for (Tool& tool : tools_) {
+    tool.zone = -1;
+    tool.slides = false;
+  }
   for (std::size_t z = 0; z < state.contacts.zones.size(); ++z) {
     const Zone& zone = state.contacts.zones[z];
     if (zone.tool >= 0 && !zone.holds_sleepers) tools_[zone.tool].zone = static_cast<int>(z);
   }
-  const SubspaceSystem& system = solver->system();
+  SubspaceSystem& system = solver->system();
   MakeRows(groups, dt_s);
+  if (slides_) {
+    system.SetZones(state, groups);
+    slides_->ForgetStart();
+    ContactRows::Tools still = slides.tools;
+    still.coming = still.before;
+    slides_->Collect(state, solver->MotionAt(change_m_s_, groups, state), still, dt_s, true);
+    slides_->ForEachOnTool(
+        [this](const ContactRows::OnTool& on) { tools_[on.tool].slides = true; });
+  }
   bool stiff = false;
   for (std::size_t t = 0; t < tools_.size(); ++t) {
     Tool& tool = tools_[t];
-    if (tool.zone < 0) continue;
-    tool.members = system.BlockOf(state, tool.zone, state.tools[t].pose.position_m);
-    Mat6 mass;
-    for (int k = 0; k < 6; ++k) {
-      SetMembers(tool, Vec6::Unit(k), direction_);
-      mass.col(k) = SumOverMembers(
-          tool, [&](int p) -> Vec3 { return model_.mass_kg[p] * direction_[p].vec(); });
+    if (!has(static_cast<int>(t))) continue;
+    tool.members.setZero();
+    Mat6 spare = own[t];
+    if (tool.slides) spare -= slides_->Stiffness(static_cast<int>(t), state, groups, system);
+    if (tool.zone >= 0) {
+      tool.members = system.BlockOf(state, tool.zone, state.tools[t].pose.position_m);
+      Mat6 mass;
+      for (int k = 0; k < 6; ++k) {
+        SetMembers(tool, Vec6::Unit(k), direction_);
+        mass.col(k) = SumOverMembers(
+            tool, [&](int p) -> Vec3 { return model_.mass_kg[p] * direction_[p].vec(); });
+      }
+      spare += 2 * mass - tool.members;  // the stiffness is members - mass
     }
-    Mat6 spare = own[t] + 2 * mass - tool.members;  // the stiffness is members - mass
     for (std::size_t r = 0; r < rows_.size(); ++r) {
-      tool.gradient[r] = GradientOf(tool, r);
+      tool.gradient[r] = tool.zone >= 0 ? GradientOf(tool, r) : Vec6::Zero();
       const Mat6 square = tool.gradient[r] * tool.gradient[r].transpose();
       tool.members += rows_[r].stiffness * square;
       spare -= rows_[r].stiffness * square;
@@ -127,107 +161,164 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
   }
   if (!stiff) return false;
   pushed_ = false;
-  solver->StartResidual(groups, dt_s, state, parallel, residual_ns_);
   std::fill(change_m_s_.begin(), change_m_s_.end(), Padded{});
-  for (Tool& tool : tools_) {
+  std::fill(residual_ns_.begin(), residual_ns_.end(), Padded{});
+  solver->StartResidual(groups, dt_s, state, parallel, residual_ns_);
+  for (std::size_t t = 0; t < tools_.size(); ++t) {
+    Tool& tool = tools_[t];
     tool.law = {};
-    tool.change.setZero();
     if (tool.zone < 0) continue;
-    tool.residual = SumOverMembers(tool, [&](int p) { return residual_ns_[p].vec(); });
+    const Vec6 sum = SumOverMembers(tool, [&](int p) { return residual_ns_[p].vec(); });
+    Add(static_cast<int>(t), sum, residual_ns_);
+    SetMembers(tool, Vec6::Zero(), residual_ns_);  // the tool has it
   }
   return true;
 }
 
-double ToolSystem::Precondition(Parallel* parallel) {
-  double norm_sq = solver_->system().Precondition(residual_ns_, step_, parallel);
-  for (Tool& tool : tools_) {
-    if (tool.zone < 0) continue;
-    tool.step = tool.inverse * tool.residual;
-    SetMembers(tool, tool.step, step_);
-    norm_sq += tool.step.dot(tool.residual);
+double ToolSystem::Precondition(std::span<const Padded> r, std::span<Padded> z,
+                                Parallel* parallel) const {
+  double norm_sq = solver_->system().Precondition(r, z, parallel);
+  std::fill(z.begin() + model_.particle_count(), z.end(), Padded{});
+  for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+    if (!has(t)) continue;
+    const Vec6 residual = Of(t, r), step = tools_[t].inverse * residual;
+    Add(t, step, z);
+    if (tools_[t].zone >= 0) SetMembers(tools_[t], step, z);
+    norm_sq += step.dot(residual);
   }
   return norm_sq;
 }
 
-// product = matrix direction; returns direction.product.
-double ToolSystem::Multiply(Parallel* parallel) {
+double ToolSystem::Multiply(std::span<const Padded> x, std::span<Padded> y,
+                            Parallel* parallel) const {
   const SubspaceSystem& system = solver_->system();
-  double sum = system.Multiply(direction_, product_, parallel);
-  for (Tool& tool : tools_) {
-    if (tool.zone < 0) continue;
-    tool.product = tool.law.matrix * tool.direction +
-                   SumOverMembers(tool, [&](int p) { return system.MultiplyRow(p, direction_); });
-    sum += tool.direction.dot(tool.product);
+  double sum = system.Multiply(x, y, parallel);
+  std::fill(y.begin() + model_.particle_count(), y.end(), Padded{});
+  for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+    if (!has(t)) continue;
+    const Tool& tool = tools_[t];
+    const Vec6 twist = Of(t, x);
+    Vec6 product = tool.law.matrix * twist;
+    if (tool.zone >= 0) {
+      product += SumOverMembers(tool, [&](int p) { return system.MultiplyRow(p, x); });
+    }
+    Add(t, product, y);
+    sum += twist.dot(product);
   }
   for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const double speed = RowSpeed(r, &Tool::direction);
+    const double speed = RowSpeed(r, x);
     const double push = rows_[r].stiffness * speed;
-    for (Tool& tool : tools_) {
-      if (tool.zone >= 0) tool.product += push * tool.gradient[r];
+    for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+      if (tools_[t].zone >= 0) Add(t, push * tools_[t].gradient[r], y);
     }
     sum += push * speed;
   }
   return sum;
 }
 
+void ToolSystem::Push(int p, const Vec3& impulse_ns, std::span<Padded> r) const {
+  solver_->system().Push(p, impulse_ns, r);
+  const int zone = state_->contacts.zone_of[p];
+  const int tool = zone >= 0 && !model_.fixed[p] ? state_->contacts.zones[zone].tool : -1;
+  if (tool >= 0 && tools_[tool].zone == zone) PushTool(tool, state_->position_m[p], impulse_ns, r);
+}
+
+void ToolSystem::PushTool(int tool, const Vec3& point_m, const Vec3& impulse_ns,
+                          std::span<Padded> r) const {
+  Vec6 wrench;
+  wrench << impulse_ns, (point_m - state_->tools[tool].pose.position_m).cross(impulse_ns);
+  Add(tool, wrench, r);
+}
+
+Vec3 ToolSystem::ToolVelocity(int tool, const Vec3& point_m, std::span<const Padded> x) const {
+  const Vec6 twist = Of(tool, x);
+  return twist.head<3>() +
+         Vec3(twist.tail<3>()).cross(point_m - state_->tools[tool].pose.position_m);
+}
+
 void ToolSystem::Solve(std::span<const Law> laws, StepReport* report, Parallel* parallel) {
-  const int n = model_.particle_count();
-  for (std::size_t t = 0; t < tools_.size(); ++t) {
+  for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+    if (!has(t)) continue;
     Tool& tool = tools_[t];
-    if (tool.zone < 0) continue;
-    tool.residual +=
-        (laws[t].impulse - tool.law.impulse) - (laws[t].matrix - tool.law.matrix) * tool.change;
+    Add(t, (laws[t].impulse - tool.law.impulse) - (laws[t].matrix - tool.law.matrix) * change(t),
+        residual_ns_);
     tool.law = laws[t];
     tool.inverse = (tool.members + tool.law.matrix).llt().solve(Mat6::Identity());
   }
-  const auto add = [n](double factor, std::span<const Padded> to, std::span<Padded> x) {
-    for (int p = 0; p < n; ++p) {
-      for (int k = 0; k < 3; ++k) x[p].v[k] += factor * to[p].v[k];
-    }
-  };
-  double rz = Precondition(parallel), beta = 0;
-  const double target = solver_->Target(std::sqrt(rz));  // of forces, not of springs
-  if (!pushed_) {
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-      for (Tool& tool : tools_) {
-        if (tool.zone < 0) continue;
-        tool.residual += rows_[r].stiffness * rows_[r].lacks * tool.gradient[r];
+  if (!slides_met_) {
+    double rz = Precondition(residual_ns_, step_, parallel);
+    const double target = solver_->Target(std::sqrt(rz));  // of forces, not of springs
+    if (!pushed_) {
+      for (std::size_t r = 0; r < rows_.size(); ++r) {
+        for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+          if (tools_[t].zone < 0) continue;
+          Add(t, rows_[r].stiffness * rows_[r].lacks * tools_[t].gradient[r], residual_ns_);
+        }
       }
+      pushed_ = true;
+      rz = Precondition(residual_ns_, step_, parallel);
     }
-    pushed_ = true;
-    rz = Precondition(parallel);
+    Iterate(target, rz, report, parallel);
   }
+  MeetSlides(report, parallel);
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double lacks = rows_[r].lacks - RowSpeed(r, change_m_s_);
+    solver_->rows().SetStart(r, rows_[r].stiffness * lacks);
+  }
+}
+
+void ToolSystem::Iterate(double target, double rz, StepReport* report, Parallel* parallel) {
+  const std::size_t n = change_m_s_.size();
+  double beta = 0;
   for (int iteration = 0; rz > target * target; ++iteration) {
-    for (int p = 0; p < n; ++p) {
+    for (std::size_t p = 0; p < n; ++p) {
       for (int k = 0; k < 3; ++k) {
         direction_[p].v[k] = step_[p].v[k] + (iteration > 0 ? beta * direction_[p].v[k] : 0);
       }
     }
-    for (Tool& tool : tools_) {
-      if (tool.zone < 0) continue;
-      tool.direction = tool.step + (iteration > 0 ? Vec6(beta * tool.direction) : Vec6::Zero());
-    }
-    const double curvature = Multiply(parallel);
+    const double curvature = Multiply(direction_, product_, parallel);
     if (iteration == model_.max_iterations || !(curvature > 0) || !std::isfinite(curvature)) {
       report->bits |= kStepNotConverged;
       break;
     }
     const double alpha = rz / curvature;
-    add(alpha, direction_, change_m_s_);
-    add(-alpha, product_, residual_ns_);
-    for (Tool& tool : tools_) {
-      if (tool.zone < 0) continue;
-      tool.change += alpha * tool.direction;
-      tool.residual -= alpha * tool.product;
+    for (std::size_t p = 0; p < n; ++p) {
+      for (int k = 0; k < 3; ++k) {
+        change_m_s_[p].v[k] += alpha * direction_[p].v[k];
+        residual_ns_[p].v[k] -= alpha * product_[p].v[k];
+      }
     }
-    const double next = Precondition(parallel);
+    const double next = Precondition(residual_ns_, step_, parallel);
     beta = next / rz;
     rz = next;
   }
-  for (std::size_t r = 0; r < rows_.size(); ++r) {
-    const double lacks = rows_[r].lacks - RowSpeed(r, &Tool::change);
-    solver_->rows().SetStart(r, rows_[r].stiffness * lacks);
+}
+
+void ToolSystem::MeetSlides(StepReport* report, Parallel* parallel) {
+  if (!slides_ || slides_->empty()) return;
+  const ContactRows::Within within{this,
+                                   &solver_->system(),
+                                   change_m_s_,
+                                   residual_ns_,
+                                   solver_->Target(0),
+                                   solver_->tolerance(),
+                                   model_.max_iterations,
+                                   parallel,
+                                   report};
+  if (slides_met_) {
+    slides_->MeetFurther(*state_, within);
+  } else {
+    const ContactRows::Motion motion = solver_->MotionAt(change_m_s_, groups_, *state_);
+    for (int t = 0; t < static_cast<int>(tools_.size()); ++t) {
+      if (tools_[t].zone < 0) continue;
+      Twist& twist = motion.groups[tools_[t].zone].twist;
+      twist.linear_m_s += change(t).head<3>();
+      twist.angular_rad_s += change(t).tail<3>();
+    }
+    slides_->MeetWithin(*state_, motion, within);
+    slides_met_ = true;
   }
+  slides_->KeepAsStart();
 }
 
 }  // namespace adhesim

@@ -10,7 +10,8 @@
 
 namespace adhesim {
 
-// The twists of tools, found together with the velocities of the implicit tissue that they hold.
+// The twists of tools, found together with the velocities of the implicit tissue that they hold or
+// that slides on them.
 //
 // A tool that feels only the force at the start of a step swings on tissue that is stiff against
 // its mass over dt^2. With A, the free velocities f and a tool's members c as in ForceError, r what
@@ -26,8 +27,13 @@ namespace adhesim {
 // spring on their twists, rho (J^T g) (J^T g)^T with rho far above what tissue answers: they feel
 // that a volume does not yield. What the spring exerts is where the row's multiplier starts.
 //
+// Contacts that slide (ContactRows) are met within the same equation once it has been solved
+// without them. Their impulses, too, are where those of the step's own solve start.
+//
+// Vectors have two entries a tool behind those of the particles (RowSystem).
+//
 // Allocates at construction only.
-class ToolSystem {
+class ToolSystem : public RowSystem {
  public:
   // A tool's own equation: of its mass and its coupling.
   struct Law {
@@ -43,20 +49,33 @@ class ToolSystem {
   // held still, is more than the inertia of tool and members over dt^2. Otherwise the force at the
   // start will do, and costs nothing.
   bool Begin(const State& state, std::span<const RigidGroup> groups, std::span<const Mat6> own,
-             double dt_s, ImplicitSolver* solver, Parallel* parallel);
-  bool holds(int tool) const { return tools_[tool].zone >= 0; }
+             double dt_s, ImplicitSolver* solver, Parallel* parallel,
+             const SlidingContacts& slides = {});
+  // The tool holds tissue, or some slides on it.
+  bool has(int tool) const { return tools_[tool].zone >= 0 || tools_[tool].slides; }
   // Changes of twist [#tools] under these laws; goes on from those of the last call.
   void Solve(std::span<const Law> laws, StepReport* report, Parallel* parallel);
-  const Vec6& change(int tool) const { return tools_[tool].change; }
+  Vec6 change(int tool) const { return Of(tool, change_m_s_); }
   // What goes with them, for the particles [#particles].
-  std::span<const Padded> change_m_s() const { return change_m_s_; }
+  std::span<const Padded> change_m_s() const {
+    return std::span(change_m_s_).first(model_.particle_count());
+  }
+
+  double Multiply(std::span<const Padded> x, std::span<Padded> y,
+                  Parallel* parallel) const override;
+  double Precondition(std::span<const Padded> r, std::span<Padded> z,
+                      Parallel* parallel) const override;
+  void Push(int particle, const Vec3& impulse_ns, std::span<Padded> r) const override;
+  void PushTool(int tool, const Vec3& point_m, const Vec3& impulse_ns,
+                std::span<Padded> r) const override;
+  Vec3 ToolVelocity(int tool, const Vec3& point_m, std::span<const Padded> x) const override;
 
  private:
   struct Tool {
     int zone = -1;          // held by it, and no sleeper in it
+    bool slides = false;    // something does on it
     Mat6 members, inverse;  // J^T A_cc J; and (.. + law.matrix)^-1
     Law law;
-    Vec6 change, residual, direction, product, step;
     std::vector<Vec6> gradient;  // [#rows] J^T g_r
   };
   struct Spring {
@@ -70,9 +89,11 @@ class ToolSystem {
   void MakeRows(std::span<const RigidGroup> groups, double dt_s);
   // J^T g_r.
   Vec6 GradientOf(const Tool& tool, std::size_t row) const;
-  double RowSpeed(std::size_t row, Vec6 Tool::*motion) const;
-  double Precondition(Parallel* parallel);
-  double Multiply(Parallel* parallel);
+  double RowSpeed(std::size_t row, std::span<const Padded> x) const;
+  Vec6 Of(int tool, std::span<const Padded> x) const;
+  void Add(int tool, const Vec6& change, std::span<Padded> x) const;
+  void Iterate(double target, double rz, StepReport* report, Parallel* parallel);
+  void MeetSlides(StepReport* report, Parallel* parallel);
 
   const Model& model_;
   ImplicitSolver* solver_ = nullptr;
@@ -81,7 +102,11 @@ class ToolSystem {
   std::vector<Spring> rows_;      // [#rows]
   std::vector<Vec3> position_m_;  // [#particles]
   bool pushed_ = false;           // what rows lack is in the residuals
-  std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;  // [#particles]
+  double dt_s_ = 0;
+  std::span<const RigidGroup> groups_;
+  ContactRows* slides_ = nullptr;  // of this sub-step; null: nothing can slide
+  bool slides_met_ = false;
+  std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;
 };
 
 }  // namespace adhesim

@@ -158,6 +158,8 @@ const StressCase kCases[] = {
      Pulls},
     {"stiff_under_needle", "tools", "stiff_under_needle", "needle of 50 g on 7 MPa at 200 Hz", 0.9,
      kNoRest, Pulls},
+    {"slides_on_stiff_tissue", "tools", "slides_on_stiff_tissue", "24 g slide on 2 MPa, mu 1.5",
+     0.6, kNoRest, Pulls},
     {"two_tools_disagree", "tools", "two_tools_disagree", "two tools in one zone pull it apart", 1,
      kNoRest, Disagrees},
     {"lid_on_kept_volume", "tools", "lid_on_kept_volume", "constant volume, nothing of it free",

@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/model/diagnostics.h"
+#include "tests/support/dragged_bar.h"
 #include "tests/support/engine_fixture.h"
 #include "tests/support/test_size.h"
 
@@ -12,29 +13,15 @@
 namespace adhesim::test {
 namespace {
 
-// A block of tissue, its bottom held, and a long bar across it, which comes down, presses and is
-// dragged along itself; its ends never touch.
-std::string DraggedBar(double mu, double normal_pa, double shear_pa) {
+// A block of tissue, its bottom held, and a long bar across it.
+std::string BarOnBlock(double mu, double shear_pa) {
   return R"(
 rate_hz: 1000
 integration: {integrator: explicit}
 bodies:
   - {name: tissue, block: {size_m: [0.06, 0.06, 0.03]}, tetrahedra: {cells: 6}, density_kg_m3: 1000, fixed: [half_space: {point_m: [0, 0, -0.0149], normal: [0, 0, 1]}]}
-tools:
-  - name: bar
-    needle: {length_m: 0.4, radius_m: 0.03, tip_length_m: 0.02}
-    position_m: [-0.15, 0, 0.0453]
-    orientation_wxyz: [0.70710678118654757, 0, 0.70710678118654757, 0]
-    coupling: {stiffness_n_m: 2000, mass_kg: 0.05}
-    adhesion: {normal_strength_pa: )" +
-         std::to_string(normal_pa) + ", shear_strength_pa: " + std::to_string(shear_pa) +
-         ", friction_coefficient: " + std::to_string(mu) + R"(}
-    trajectory:
-      - {t_s: 0.0, position_m: [-0.15, 0, 0.0453]}
-      - {t_s: 0.2, position_m: [-0.15, 0, 0.0432]}
-      - {t_s: 0.3, position_m: [-0.15, 0, 0.0432]}
-      - {t_s: 1.3, position_m: [-0.10, 0, 0.0432]}
-effects:
+)" + ToolsOf({-0.15, 0.0453, 0.0432, mu, 0, shear_pa}) +
+         R"(effects:
   - elasticity: {young_modulus_pa: 3000, poisson_ratio: 0.3, stiffness_damping_s: 0.002}
   - drag: {rate_per_s: 20}
   - virtual_adhesive: {capture_distance_m: 0.0005, normal_strength_pa: 0}
@@ -57,7 +44,7 @@ double TouchedArea(const Engine& engine) {
 
 TEST(ToolSliding, ADraggedToolFeelsShearStrengthTimesAreaAndFriction) {
   const double mu = 0.3, shear_pa = 40;
-  auto engine = EngineOf(DraggedBar(mu, 0, shear_pa));
+  auto engine = EngineOf(BarOnBlock(mu, shear_pa));
   double along_n = 0, across_n = 0, area_m2 = 0, jump_m = 0, last_z = 0;
   double sliding = 0, gained = 0;
   int count = 0;
@@ -94,7 +81,7 @@ TEST(ToolSliding, ADraggedToolFeelsShearStrengthTimesAreaAndFriction) {
 
 // Slower than friction allows it sticks, and goes along.
 TEST(ToolSliding, WhatFrictionHoldsSticksToTheTool) {
-  auto engine = EngineOf(DraggedBar(10, 0, 1000));
+  auto engine = EngineOf(BarOnBlock(10, 1000));
   StepMany(engine.get(), 350);
   const std::vector<Bond>& bonds = engine->state().contacts.bonds;
   EXPECT_TRUE(std::any_of(bonds.begin(), bonds.end(),

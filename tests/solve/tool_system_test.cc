@@ -111,8 +111,8 @@ TEST(ToolSystem, HasNoneOfToolsThatHoldNothing) {
   world.SetZones({{{10, 11, 12, 13}, 0}});
   ToolSystem system(world.model, 0);
   EXPECT_TRUE(Begin(&world, &system, 0.1, 0.5));
-  EXPECT_TRUE(system.holds(0));
-  EXPECT_FALSE(system.holds(1));
+  EXPECT_TRUE(system.has(0));
+  EXPECT_FALSE(system.has(1));
 }
 
 }  // namespace
