@@ -118,6 +118,12 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   if (by_newton_) StartNewton(in);
 }
 
+void ImplicitSolver::GiveBack(const Forces& forces) const {
+  std::copy(start_elastic_n_.begin(), start_elastic_n_.end(), forces.by_kind[0].begin());
+  if (damps_) std::copy(start_damping_n_.begin(), start_damping_n_.end(), forces.by_kind[1].begin());
+  std::copy(start_total_n_.begin(), start_total_n_.end(), forces.total.begin());
+}
+
 void ImplicitSolver::StartNewton(const ForceInput& in) {
   EvaluateStiff(in);
   for (std::size_t p = 0; p < explicit_n_.size(); ++p) {

@@ -86,6 +86,9 @@ class ImplicitSolver {
     return std::max(effort_.tolerance * residual, round_off_);
   }
 
+  // The forces as they came, for another Begin() with a shorter step.
+  void GiveBack(const Forces& forces) const;
+
   // Of the last Solve(): what it left open in every row [#particles], N s, and the square of its
   // norm in the preconditioner's metric.
   std::span<const Padded> residual_ns() const { return residual_ns_; }
