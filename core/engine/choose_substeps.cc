@@ -6,6 +6,18 @@
 #include "core/model/awake.h"
 
 namespace adhesim {
+namespace {
+
+// rad: how far a body of implicit tissue may turn as a whole in a sub-step that is planned, and in
+// one that is found. Turns gain and lose in their square (decision 27).
+constexpr double kTurnRad = 0.1;
+constexpr double kMostTurnRad = 0.12;
+
+// s: what lies in each other comes out by half a capture distance a sub-step, in long steps as fast
+// as in short ones.
+constexpr double kOverlapStepS = 0.005;
+
+}  // namespace
 
 // About the velocity that a tool's coupling leads to in this step, against the tissue's force of
 // the last one. What the distance from the target alone says is of no use in long steps: a tool
@@ -59,8 +71,9 @@ Pipeline::ToolMotion Pipeline::ComingToolMotion() const {
 // In how many parts a time has to be cut so that nothing closes in by more than `most_m` in one; if
 // that is no more than `enough`, about how many. Two things close in at most by the diagonal of the
 // box around all velocities, whatever they have in common.
-double Pipeline::PartsOf(double time_s, std::span<const Vec3> velocity_m_s, const ToolMotion& tools,
-                         double most_m, double enough) {
+double Pipeline::PartsByClosing(double time_s, std::span<const Vec3> velocity_m_s,
+                                const ToolMotion& tools, double most_m, double enough) {
+  if (!detector_) return 0;
   Aabb velocities = tools.velocities;
   for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
     for (int p = begin; p < end; ++p) velocities.Add(velocity_m_s[p]);
@@ -80,14 +93,21 @@ double Pipeline::PartsOf(double time_s, std::span<const Vec3> velocity_m_s, cons
   return near > far ? near : far;
 }
 
+// The same so that no implicit body turns by more than `most_rad` as a whole in one.
+double Pipeline::PartsByTurning(double time_s, std::span<const Vec3> velocity_m_s,
+                                double most_rad) const {
+  return StepsImplicitly() ? time_s / most_rad * implicit_->FastestTurn(state_, velocity_m_s) : 0;
+}
+
 // At least what the elastic stability bound needs, and so many that nothing crosses half a capture
-// distance in one, as fast as things are now.
+// distance in one, or turns far, as fast as things are now.
 int Pipeline::SubstepsNow() {
-  if (!detector_) return substeps_;
-  const double wanted = PartsOf(model_->dt_s, state_.velocity_m_s, ComingToolMotion(),
-                                0.5 * contact_distance_m_, substeps_);
-  slow_ = 2 * wanted <= substeps_;
-  return std::max(substeps_, Permitted(wanted));
+  const double closing = PartsByClosing(model_->dt_s, state_.velocity_m_s, ComingToolMotion(),
+                                        0.5 * contact_distance_m_, substeps_);
+  slow_ = 2 * closing <= substeps_;
+  const double turning = PartsByTurning(model_->dt_s, state_.velocity_m_s, kTurnRad);
+  const double overlap = state_.contacts.overlapping ? model_->dt_s / kOverlapStepS : 0;
+  return std::max({substeps_, Permitted(closing), Permitted(turning), Permitted(overlap)});
 }
 
 // Whole sub-steps, as many as the step may still have.
@@ -103,23 +123,29 @@ void Pipeline::DivideRest(int substeps) {
   substep_dt_s_ = left_s_ / substeps;
 }
 
-// Whether the last trial closes in by more than what contact sees coming, though velocities at the
-// start did not say so: what falls from rest. What is left of the step is then divided by the
-// velocities that the trial ended with.
+// Whether the last trial closes in by more than what contact sees coming, or turns too far, though
+// velocities at the start did not say so: what falls from rest. What is left of the step is then
+// divided by the velocities that the trial ended with.
 bool Pipeline::MovesTooFar() {
-  if (!detector_) return false;
+  const std::span<const Vec3> velocity_m_s = solver_->moved_velocity_m_s();
   ToolMotion tools;
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     tools.velocities.Add(tool_twist_[t].linear_m_s);
-    tools.turning_m_s = std::max(tools.turning_m_s, tool_twist_[t].angular_rad_s.norm() *
-                                                        ToolLength(model_->tools[t]));
+    tools.turning_m_s = std::max(
+        tools.turning_m_s, tool_twist_[t].angular_rad_s.norm() * ToolLength(model_->tools[t]));
   }
   // What lies half of that apart was seen and is looked at; lists of the sub-step before have seen
   // no more than that.
   const double half_m = 0.5 * contact_distance_m_, most_m = old_lists_ ? half_m : 2 * half_m;
-  const std::span<const Vec3> velocity_m_s = solver_->moved_velocity_m_s();
-  if (!(PartsOf(substep_dt_s_, velocity_m_s, tools, most_m, 1) > 1)) return false;
-  const int substeps = Permitted(PartsOf(left_s_, velocity_m_s, tools, half_m, 1));
+  const bool within_bodies = model_->adhesive && model_->adhesive->self_collision;
+  const bool alone = model_->bodies.size() == 1 && state_.tools.empty() && !within_bodies;
+  int substeps = 0;
+  if (!alone && PartsByClosing(substep_dt_s_, velocity_m_s, tools, most_m, 1) > 1) {
+    substeps = Permitted(PartsByClosing(left_s_, velocity_m_s, tools, half_m, 1));
+  }
+  if (PartsByTurning(substep_dt_s_, velocity_m_s, kMostTurnRad) > 1) {
+    substeps = std::max(substeps, Permitted(PartsByTurning(left_s_, velocity_m_s, kTurnRad)));
+  }
   if (substeps <= to_make_ - made_) return false;
   slow_ = false;
   DivideRest(substeps);

@@ -77,8 +77,9 @@ class Pipeline : public Engine {
   };
   Twist ComingTwist(int tool) const;
   ToolMotion ComingToolMotion() const;
-  double PartsOf(double time_s, std::span<const Vec3> velocity_m_s, const ToolMotion& tools,
-                 double most_m, double enough);
+  double PartsByClosing(double time_s, std::span<const Vec3> velocity_m_s, const ToolMotion& tools,
+                        double most_m, double enough);
+  double PartsByTurning(double time_s, std::span<const Vec3> velocity_m_s, double most_rad) const;
   int SubstepsNow();
   int Permitted(double wanted);
   void DivideRest(int substeps);
