@@ -232,6 +232,7 @@ absl::Status Pipeline::CompileTools() {
   coupling_now_.resize(tools);
   strength_scale_.assign(tools, 1);
   retracted_.assign(tools, 0);
+  tool_flags_.assign(tools, 0);
   solver_->SetTools({last_twist_, tool_twist_, strength_scale_});
   bytes_.tools += heap.Take();
   return absl::OkStatus();

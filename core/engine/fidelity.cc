@@ -96,7 +96,8 @@ void Pipeline::SetFidelity(int rungs) {
 // is all that could be crossed, as ever. Tools are looked for in every sub-step.
 Pipeline::Search Pipeline::NextSearch() {
   const bool turns = search_in_turns_ && slow_ && searched_ && !state_.contacts.overlapping;
-  searched_ = true;
+  searched_ = slow_;
+  old_lists_ = turns;
   if (!turns) return {true, true};
   edges_next_ = !edges_next_;
   return {!edges_next_, edges_next_};

@@ -27,14 +27,14 @@ StepReport Pipeline::Step(std::span<const ToolInput> tools) {
   clock_.BeginStep();
   report_ = {};
   SetTargets(tools);
-  const int substeps = SubstepsNow();
-  const double dt_s = model_->dt_s / substeps;
   std::fill(tool_impulse_.begin(), tool_impulse_.end(), Wrench{});
   std::fill(coupling_impulse_.begin(), coupling_impulse_.end(), Wrench{});
   std::fill(capture_impulse_ns_.begin(), capture_impulse_ns_.end(), 0);
   std::fill(error_bar_.begin(), error_bar_.end(), ForceError::Bar{});
-  for (int k = 0; k < substeps; ++k) Substep(dt_s, k == 0);
-  substep_dt_s_ = dt_s;
+  made_ = 0;
+  left_s_ = model_->dt_s;
+  DivideRest(SubstepsNow());
+  while (made_ < to_make_) Substep();
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const double per_s = 1 / model_->dt_s;
     state_.tools[t].tissue = {tool_impulse_[t].force_n * per_s, tool_impulse_[t].torque_nm * per_s};
@@ -78,103 +78,17 @@ void Pipeline::SetTargets(std::span<const ToolInput> tools) {
   }
 }
 
-// About the velocity that a tool's coupling leads to in this step, against the tissue's force of
-// the last one. What the distance from the target alone says is of no use in long steps: a tool
-// that presses lags behind its target without moving.
-Twist Pipeline::ComingTwist(int t) const {
-  const ToolState& tool = state_.tools[t];
-  const CouplingParameters& coupling = model_->tools[t].coupling;
-  const double dt_s = model_->dt_s, length_m = ToolLength(model_->tools[t]);
-  const auto coming = [dt_s](const Vec3& velocity, const Vec3& error, const Vec3& force,
-                             double stiffness, double inertia) -> Vec3 {
-    const double time_s = std::sqrt(inertia / stiffness);  // of the critically damped spring
-    return (time_s * time_s * velocity + dt_s * (error + force / stiffness)) /
-           ((time_s + dt_s) * (time_s + dt_s));
-  };
-  const Quat turn = tool.target.orientation * tool.pose.orientation.conjugate();
-  const Vec3 angle = (turn.w() < 0 ? -2.0 : 2.0) * turn.vec();
-  return {coming(tool.twist.linear_m_s, tool.target.position_m - tool.pose.position_m,
-                 tool.tissue.force_n, coupling.stiffness_n_m, coupling.mass_kg),
-          coming(tool.twist.angular_rad_s, angle, tool.tissue.torque_nm,
-                 coupling.angular_stiffness_nm_rad, coupling.mass_kg * length_m * length_m / 3)};
-}
-
-// At least what the elastic stability bound needs, and so many that nothing crosses half a capture
-// distance in one. Two things close in at most by the diagonal of the box around all velocities,
-// whatever they have in common.
-int Pipeline::SubstepsNow() {
-  if (!detector_) return substeps_;
-  Aabb velocities;
-  for (const auto& [begin, end] : AwakeRanges(model_->particle_count(), state_.sleep)) {
-    for (int p = begin; p < end; ++p) velocities.Add(state_.velocity_m_s[p]);
-  }
-  if (state_.sleep.bodies > 0) velocities.Add(Vec3(Vec3::Zero()));
-  double turning_m_s = 0;  // of a tool's far end about its tip
-  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
-    const ToolState& tool = state_.tools[t];
-    const double limit = model_->tools[t].coupling.max_speed_m_s;
-    velocities.Add(tool.twist.linear_m_s);
-    if (implicit_) {
-      const Twist coming = ComingTwist(static_cast<int>(t));
-      velocities.Add(Vec3(coming.linear_m_s * std::min(1.0, limit / coming.linear_m_s.norm())));
-      const double turn = std::max(tool.twist.angular_rad_s.norm(),
-                                   std::min(limit / kSpeedRadius, coming.angular_rad_s.norm()));
-      turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
-      continue;
-    }
-    const Vec3 away = (tool.target.position_m - tool.pose.position_m) / model_->dt_s;
-    if (away.squaredNorm() > 0) {
-      velocities.Add(
-          Vec3(away.normalized() * std::min(limit, tool.twist.linear_m_s.norm() + away.norm())));
-    }
-    const double angle =
-        2 * (tool.target.orientation * tool.pose.orientation.conjugate()).vec().norm();
-    const double turn = std::max(
-        tool.twist.angular_rad_s.norm(),
-        std::min(limit / kSpeedRadius, tool.twist.angular_rad_s.norm() + angle / model_->dt_s));
-    turning_m_s = std::max(turning_m_s, turn * ToolLength(model_->tools[t]));
-  }
-  const double closing = (velocities.max - velocities.min).norm() + turning_m_s;
-  double wanted = closing * model_->dt_s / (0.5 * contact_distance_m_);
-  const bool within_bodies = model_->adhesive && model_->adhesive->self_collision;
-  if (!(wanted <= substeps_) && state_.tools.empty() && !within_bodies) {
-    // Only what is within reach needs so many; the rest has further to go. ClosingSpeed() is of
-    // pairs of bodies: tools, and a body that meets itself, keep to the box.
-    detector_->Update(state_.position_m, &parallel_, &report_);
-    const double per_m_s = model_->dt_s / (0.5 * contact_distance_m_);
-    const double enough_m_s = (1 - 1e-9) * substeps_ / per_m_s;
-    const double near =
-        per_m_s * detector_->ClosingSpeed(state_.position_m, state_.velocity_m_s, enough_m_s);
-    const double far = closing * model_->dt_s / (detector_->reach_m() - 0.5 * contact_distance_m_);
-    wanted = near > far ? near : far;
-  }
-  if (!(wanted <= model_->max_substeps)) report_.bits |= kStepSubstepLimit;
-  // Not std::min: a NaN, which freezes the engine at the end of the step, must not reach the cast.
-  const double bounded = wanted <= model_->max_substeps ? wanted : model_->max_substeps;
-  const int substeps = std::max(substeps_, static_cast<int>(std::ceil(bounded)));
-  slow_ = 2 * wanted <= substeps;
-  return substeps;
-}
-
-void Pipeline::Substep(double dt_s, bool first) {
+void Pipeline::Substep() {
   if (state_.contacts.overlapping && overlap_) Separate();
   if (!implicit_ && solver_->rows_off()) RegainVolumes();
-  if (detector_) DetectAndCapture(dt_s);
+  if (detector_) DetectAndCapture(substep_dt_s_);
   EvaluateForces();
-  if (sleeping_ && first) {
+  if (sleeping_ && made_ == 0) {
     FallAsleep();
     clock_.Lap(sleep_stage_);
   }
-  if (StepsImplicitly()) {
-    implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
-    clock_.Lap(solve_stage_);
-  }
-  if (tool_set_) {
-    MoveTools(dt_s);
-    clock_.Lap(tools_stage_);
-  }
-  Solve(dt_s);
-  clock_.Lap(solve_stage_);
+  while (!TrySubstep(substep_dt_s_)) continue;
+  const double dt_s = substep_dt_s_;
   if (force_error_ && StepsImplicitly()) BoundToolForces(dt_s);
   BookStep(*model_, {force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_, *solver_,
            tool_twist_, dt_s, &state_, tool_impulse_);
@@ -189,7 +103,30 @@ void Pipeline::Substep(double dt_s, bool first) {
         (RotationStep(tool.twist.angular_rad_s, dt_s) * tool.pose.orientation).normalized();
   }
   EndSliding();  // zones that tools hold are where the tools are now
+  ++made_;
+  left_s_ -= dt_s;
   clock_.Lap(book_stage_);
+}
+
+// From the forces to where they lead. False: too far, and what is left of the step is divided anew.
+bool Pipeline::TrySubstep(double dt_s) {
+  const std::uint32_t bits = report_.bits;
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) tool_flags_[t] = state_.tools[t].flags;
+  if (StepsImplicitly()) {
+    implicit_->Begin(state_, near_, AllForces(), dt_s, &parallel_);
+    clock_.Lap(solve_stage_);
+  }
+  if (tool_set_) {
+    MoveTools(dt_s);
+    clock_.Lap(tools_stage_);
+  }
+  const bool found = Solve(dt_s);
+  clock_.Lap(solve_stage_);
+  if (found) return true;
+  report_.bits = bits;
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) state_.tools[t].flags = tool_flags_[t];
+  if (StepsImplicitly()) implicit_->GiveBack(AllForces());
+  return false;
 }
 
 void Pipeline::DetectAndCapture(double dt_s) {
@@ -314,8 +251,8 @@ void Pipeline::BoundToolForces(double dt_s) {
 }
 
 // Until nothing lets go any more, and then until nothing passes through anything: what is caught
-// then holds until the next sub-step.
-void Pipeline::Solve(double dt_s) {
+// then holds until the next sub-step. False as soon as a trial moves too far for that.
+bool Pipeline::Solve(double dt_s) {
   int passes = 0, caught = 0;
   for (bool releasing = true;;) {
     solver_->FormGroups(state_, tool_twist_);
@@ -327,7 +264,8 @@ void Pipeline::Solve(double dt_s) {
       multipliers = implicit_->row_multipliers();
     }
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers, implicit);
-    if (!adhesive_) return;
+    if (MovesTooFar()) return false;
+    if (!adhesive_) return true;
     int changes = 0, by_tools = 0;
     if (releasing && passes < kReleasePasses) {
       changes = adhesive_->Release(solver_->load_n(), solver_->tie_load(), state_, strength_scale_,
@@ -346,10 +284,10 @@ void Pipeline::Solve(double dt_s) {
                                               tool_pose_, &state_.contacts, &report_);
         changes += by_tools;
       }
-      if (changes == 0) return;
+      if (changes == 0) return true;
       if (++caught > kCrossingPasses) {
         report_.bits |= kStepReleasePasses;
-        return;
+        return true;
       }
     }
     RenewZones(by_tools > 0);  // letting go changes no velocity, only the zones' own momenta

@@ -70,8 +70,20 @@ class Pipeline : public Engine {
   Engine::Stage EffectStage(std::size_t effect) const;
   void MakeStartState();
 
-  int SubstepsNow();
+  // What tools do to what closes in: their velocities, and how fast their ends turn about the tips.
+  struct ToolMotion {
+    Aabb velocities;
+    double turning_m_s = 0;
+  };
   Twist ComingTwist(int tool) const;
+  ToolMotion ComingToolMotion() const;
+  double PartsByClosing(double time_s, std::span<const Vec3> velocity_m_s, const ToolMotion& tools,
+                        double most_m, double enough);
+  double PartsByTurning(double time_s, std::span<const Vec3> velocity_m_s, double most_rad) const;
+  int SubstepsNow();
+  int Permitted(double wanted);
+  void DivideRest(int substeps);
+  bool MovesTooFar();
   // Visits (particle, its place seen from the tip) of all that the tool's zone carries.
   template <typename Visit>
   void ForEachCarried(int tool, const Visit& visit) const {
@@ -88,7 +100,8 @@ class Pipeline : public Engine {
   Vec6 CarriedMomentum(int tool) const;
   void MeetTools();
   void SetTargets(std::span<const ToolInput> tools);
-  void Substep(double dt_s, bool first);
+  void Substep();
+  bool TrySubstep(double dt_s);
   void Separate();
   void RegainVolumes();
   void DetectAndCapture(double dt_s);
@@ -128,7 +141,7 @@ class Pipeline : public Engine {
   void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
-  void Solve(double dt_s);
+  bool Solve(double dt_s);
   ImplicitSolver::Forces AllForces() {
     return {{force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_};
   }
@@ -140,14 +153,17 @@ class Pipeline : public Engine {
   State state_, start_;
   bool frozen_ = false;
   bool has_forces_ = false;  // those of the last sub-step belong to `state_`
-  double substep_dt_s_ = 0;  // of the last step
-  int substeps_ = 1;
+  int substeps_ = 1;         // at least
+  // Of a step: sub-steps done and in all, how long they are, and what time is left.
+  int made_ = 0, to_make_ = 0;
+  double substep_dt_s_ = 0, left_s_ = 0;
   std::vector<FidelityRung> rungs_;  // by order; what each does is told by its name
   int fidelity_ = 0;
   bool search_in_turns_ = false;  // permitted by the fidelity
   bool slow_ = false;             // two sub-steps bring nothing nearer than one may
   bool searched_ = false;         // both lists are of this state or the one before
   bool edges_next_ = false;
+  bool old_lists_ = false;  // one of them is of the one before
   StepReport report_;
 
   std::vector<std::unique_ptr<Effect>> effects_;
@@ -187,6 +203,7 @@ class Pipeline : public Engine {
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
   std::vector<std::uint8_t> retracted_;     // [#tools]
+  std::vector<std::uint32_t> tool_flags_;   // [#tools] before a trial
   std::vector<Aabb> tool_box_;              // [#tools] of those that may touch
   std::vector<double> strain_energy_j_;     // [#particles] of what falls asleep
   std::span<const NearPair> near_;          // of this sub-step

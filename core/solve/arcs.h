@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/model/model.h"
@@ -17,20 +18,25 @@ namespace adhesim {
 // tolerance leaves of such forces feeds itself. So the equation is written for the velocity
 // less what the arc adds to it,
 //   v - c,  c_i = ((R - 1) / dt - [w]) (x_i - x_c),  R the rotation by dt w,
-// which strains nothing where the body just turns. w is that of the body's angular momentum: about
-// its centre of mass where it is free, else about what holds it (fixed particles, zones with pins,
-// tools) where that leaves a turn: about a point, an axis, or a tool's first member.
-// Zones and tools turn on arcs by themselves.
+// which strains nothing where the body just turns. w is that of the angular momentum that the body
+// ends the step with, as far as forces at its start tell: a step of backward Euler goes by the
+// velocity at its end, and what swings under gravity turns by other than dt w_n in a long one.
+// About its centre of mass where it is free, else about what holds it (fixed particles, zones with
+// pins, tools) where that leaves a turn: about a point, an axis, or a tool's first member. Zones
+// and tools turn on arcs by themselves.
 //
 // Allocates at construction only.
 class Arcs {
  public:
   explicit Arcs(const Model& model);
 
-  void Update(const State& state, double dt_s);
+  // `force_n` [#particles] acts in the step.
+  void Update(const State& state, std::span<const Vec3> force_n, double dt_s);
   // The widest turn of a body in the step, rad.
   double widest_rad() const { return widest_rad_; }
   bool turns(int body) const { return of_[body].turns; }
+  // Of a body at the state's positions, by these velocities, rad/s.
+  double FastestTurn(const State& state, std::span<const Vec3> velocity_m_s) const;
   // c of a particle at x, m/s.
   Vec3 At(int body, const Vec3& x) const {
     return of_[body].turns ? Vec3(of_[body].bend * (x - of_[body].centre_m)) : Vec3::Zero();
@@ -53,6 +59,10 @@ class Arcs {
     Vec3 centre_m, turn_rad_s;
     Mat3 bend;  // 1/s
   };
+  // Of a body, rad/s, about `centre_m`, after forces (or none) have acted for dt_s; zero where it
+  // cannot turn.
+  Vec3 TurnOf(std::size_t body, const State& state, std::span<const Vec3> velocity_m_s,
+              std::span<const Vec3> force_n, double dt_s, Vec3* centre_m) const;
   Hold HoldOf(const Body& body, const State& state, int* about) const;
 
   const Model& model_;

@@ -14,9 +14,6 @@ constexpr double kMostTurned = 0.001;
 // step: forces made linear at its start tell nothing of its end. A bar that snaps back from ten
 // times its length gained 58 % in energy, and tangled.
 constexpr double kFar = 0.5;
-// rad: the same of a body that turns as a whole. At 0.15 linear steps gain 2 % (decision 27), at
-// 0.2 a third.
-constexpr double kFarTurn = 0.17;
 constexpr double kRoundOff = 1e-15;  // of a force, relative to stiffness times position
 
 }  // namespace
@@ -105,8 +102,8 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   const ForceInput in{state.position_m, state.velocity_m_s, state.time_s,
                       effect_state_,    parallel,           near,
                       /*trial=*/true};
-  arcs_.Update(state, dt_s);
-  by_newton_ = model_.integrator == Integrator::kNewton || arcs_.widest_rad() > kFarTurn;
+  arcs_.Update(state, start_total_n_, dt_s);
+  by_newton_ = model_.integrator == Integrator::kNewton;
   if (++assembled_ago_ >= effort_.stiffness_every || assembled_dt_s_ != dt_s ||
       arcs_.widest_rad() > kMostTurned) {
     Assemble(in, dt_s);
@@ -120,6 +117,13 @@ void ImplicitSolver::Begin(const State& state, std::span<const NearPair> near, c
   } else {
     FindTurning(state);
   }
+}
+
+void ImplicitSolver::GiveBack(const Forces& forces) const {
+  std::copy(start_elastic_n_.begin(), start_elastic_n_.end(), forces.by_kind[0].begin());
+  if (damps_)
+    std::copy(start_damping_n_.begin(), start_damping_n_.end(), forces.by_kind[1].begin());
+  std::copy(start_total_n_.begin(), start_total_n_.end(), forces.total.begin());
 }
 
 void ImplicitSolver::StartNewton(const ForceInput& in) {

@@ -23,8 +23,7 @@ namespace adhesim {
 //   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
 // c the way from tangents to arcs of bodies that turn (Arcs).
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search. A
-// linear step that moves tissue far against itself, and gains energy, is made again so; one in
-// which a body turns far is made so at once.
+// linear step that moves tissue far against itself, and gains energy, is made again so.
 //
 // The result is handed on as forces: those which, applied explicitly, lead to the same velocities.
 // So projection, loads, release, wrenches and ledgers need not know how a step was made. On free
@@ -67,6 +66,10 @@ class ImplicitSolver {
   // What is kept from earlier sub-steps is not of the state to come.
   void Forget() { assembled_dt_s_ = 0; }
 
+  // How fast a body turns as a whole by these velocities, rad/s: see Arcs.
+  double FastestTurn(const State& state, std::span<const Vec3> velocity_m_s) const {
+    return arcs_.FastestTurn(state, velocity_m_s);
+  }
   // Once a sub-step: keeps the forces and makes A at the state's positions.
   void Begin(const State& state, std::span<const NearPair> near, const Forces& forces, double dt_s,
              Parallel* parallel);
@@ -90,6 +93,9 @@ class ImplicitSolver {
   double Target(double residual) const {
     return std::max(effort_.tolerance * residual, round_off_);
   }
+
+  // The forces as they came, for another Begin() with a shorter step.
+  void GiveBack(const Forces& forces) const;
 
   // Of the last Solve(): what it left open in every row [#particles], N s, and the square of its
   // norm in the preconditioner's metric.

@@ -58,6 +58,7 @@ double RiseOfOneTurn(Integrator integrator, v1::ElasticModel law, double angle) 
   model->dt_s = 5e-3;
   model->integrator = integrator;
   model->tolerance = 1e-8;
+  model->max_substeps = 1;
   for (int p = 0; p < model->particle_count(); ++p) {
     model->initial_velocity_m_s[p] =
         Vec3(0, angle / model->dt_s, 0).cross(model->rest_position_m[p] - 0.5 * block.size_m);

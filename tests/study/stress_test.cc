@@ -79,6 +79,17 @@ TEST(StressCases, OfContactAreSurvived) {
   ExpectGroup("contact");
 }
 
+// Cases in which bodies fall from rest, lie in each other or turn by up to 1.5 rad, within one
+// step: the step is divided as far as it takes.
+TEST(StressCell, SurvivesStepsOf50Milliseconds) {
+  for (const char* name : {"youngs_sweep", "overlap_tissue", "pin_cushion", "stack_of_ten",
+                           "compactor", "swings_on_hinge", "spins_freely", "spins_about_pin"}) {
+    const StressResult result =
+        RunCase(CaseOf(name), {0.05, v1::INTEGRATOR_IMPLICIT, v1::ELASTIC_MODEL_COROTATIONAL});
+    EXPECT_EQ(result.outcome, StressOutcome::kSurvived) << name << ": " << result.cause;
+  }
+}
+
 TEST(StressMatrix, HasEveryStepIntegratorAndLawOfTissue) {
   const StressCase& tissue = CaseOf("scrambled");
   const auto scene = [](const StressCase& one) {

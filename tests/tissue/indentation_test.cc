@@ -63,6 +63,7 @@ struct Indentation {
           "  - uniform_gravity: {bodies: [indenter], acceleration_m_s2: [0, 0, -1]}\n";
     }
     const std::shared_ptr<Model> model = sample.Make();
+    model->max_substeps = 500;  // the start below is far out of balance
     for (std::size_t p = 0; p < model->rest_position_m.size(); ++p) {
       Vec3& x = model->rest_position_m[p];
       if (model->body_of[p] == 0) {
