@@ -111,7 +111,6 @@ bool ToolSystem::Begin(const State& state, std::span<const RigidGroup> groups,
                        Parallel* parallel, const SlidingContacts& slides) {
   solver_ = solver;
   state_ = &state;
-  dt_s_ = dt_s;
   groups_ = groups;
   slides_ = slides.rows && slides.rows->possible() ? slides.rows : nullptr;
   slides_met_ = false;

@@ -102,10 +102,10 @@ class ToolSystem : public RowSystem {
   std::vector<Spring> rows_;      // [#rows]
   std::vector<Vec3> position_m_;  // [#particles]
   bool pushed_ = false;           // what rows lack is in the residuals
-  double dt_s_ = 0;
   std::span<const RigidGroup> groups_;
   ContactRows* slides_ = nullptr;  // of this sub-step; null: nothing can slide
-  bool slides_met_ = false;
+  bool slides_met_ = false;        // under some laws: it goes on from there
+  // [#particles, tools' two]
   std::vector<Padded> change_m_s_, residual_ns_, direction_, product_, step_;
 };
 
