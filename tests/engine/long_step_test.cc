@@ -16,13 +16,14 @@ namespace {
 
 using test::EngineOf;
 
-// A soft cube above a floor, 32 mm from it: within reach of contact, and not yet captured.
-std::string FallingCube(int rate_hz, const std::string& adhesive) {
+// A soft cube of 20 mm above a floor.
+std::string FallingCube(int rate_hz, const std::string& height_m, const std::string& adhesive) {
   return "rate_hz: " + std::to_string(rate_hz) + R"(
 integration: {tolerance: 1e-12}
 bodies:
   - {name: floor, sheet: {length_m: 0.1, width_m: 0.1, columns: 5, rows: 5}, mass_kg: 1, fixed: [all: true]}
-  - {name: cube, block: {size_m: [0.02, 0.02, 0.02]}, tetrahedra: {cells: 2}, position_m: [0, 0, 0.042], density_kg_m3: 1000}
+  - {name: cube, block: {size_m: [0.02, 0.02, 0.02]}, tetrahedra: {cells: 2}, position_m: [0, 0, )" +
+         height_m + R"(], density_kg_m3: 1000}
 effects:
   - elasticity: {young_modulus_pa: 1000, stiffness_damping_s: 0.002}
   - uniform_gravity: {}
@@ -35,8 +36,8 @@ effects:
 // 60 Hz: of the trial that was given up nothing is left, though the cube is stretched and its
 // forces over 50 ms are others.
 TEST(LongStep, DividedItIsTheShortStepsThatItIsDividedInto) {
-  auto once = EngineOf(FallingCube(20, "capture_distance_m: 0.022"));
-  auto thrice = EngineOf(FallingCube(60, "capture_distance_m: 0.022"));
+  auto once = EngineOf(FallingCube(20, "0.042", "capture_distance_m: 0.022"));
+  auto thrice = EngineOf(FallingCube(60, "0.042", "capture_distance_m: 0.022"));
   State start = once->state();
   const Body& cube = once->model().bodies[1];
   for (int k = 0; k < cube.particle_count; ++k) {
@@ -52,11 +53,12 @@ TEST(LongStep, DividedItIsTheShortStepsThatItIsDividedInto) {
   }
 }
 
-// What falls from rest in steps of 50 ms lands: nothing of it is ever deeper than the capture
-// distance, and steps in which it rests are one sub-step each (chance decides once in each).
+// What falls from rest over 10 mm in steps of 50 ms, in which it would fall 24.5 mm, lands: nothing
+// of it is ever deeper than the capture distance, and steps in which it rests are one sub-step each
+// (chance decides once in each).
 TEST(LongStep, WhatFallsFromRestLandsAndRestsInOneSubStepEach) {
   auto engine = EngineOf(FallingCube(
-      20,
+      20, "0.02",
       "capture_distance_m: 0.001, normal_strength_pa: 1000, bell: {rate_per_s: 0, force_n: 1}"));
   const Body& cube = engine->model().bodies[1];
   const auto lowest_m = [&] {
