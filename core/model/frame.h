@@ -67,10 +67,10 @@ struct ContactFrame {
 enum StepBit : std::uint32_t {
   kStepNonFinite =
       1u << 0,  // the state became non-finite: the engine is frozen, nothing is published
-  kStepBondCapacity = 1u << 1,   // more contacts than the engine reserved
-  kStepReleasePasses = 1u << 2,  // releases continued into the next step
-  kStepVolumeNotMet = 1u << 3,   // the volume iteration did not converge
-  kStepSubstepLimit = 1u << 4,   // something moved or turned further in a sub-step than it may
+  kStepBondCapacity = 1u << 1,       // more contacts than the engine reserved
+  kStepReleasePasses = 1u << 2,      // releases continued into the next step
+  kStepVolumeNotMet = 1u << 3,       // the volume iteration did not converge
+  kStepSubstepLimit = 1u << 4,       // something moved or turned further in a sub-step than it may
   kStepZoneSplitForced = 1u << 5,    // tools or pins that disagree met in one zone; it was split
   kStepCandidateCapacity = 1u << 6,  // more near pairs than the engine reserved
   kStepOverlap = 1u << 7,            // bodies that overlap are being separated

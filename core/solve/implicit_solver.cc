@@ -168,28 +168,6 @@ void ImplicitSolver::Prescribe(const State& state, std::span<const RigidGroup> g
   }
 }
 
-// What just turning changes of forces that were made linear, with the sign of A's product: tissue
-// in which there is stress has stiffness against it (K (w x r) = -w x f where K is exact), which is
-// no force of a step that goes from tangent to tangent: f itself leads from one chord to the next.
-// Turned with the body, it took angular momentum by a^2 a step.
-void ImplicitSolver::FindTurning(const State& state) {
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    direction_[p].Set(arcs_.Turning(model_.body_of[p], state.position_m[p]));
-  }
-  for (int p = 0; p < model_.particle_count(); ++p) {
-    turning_ns_[p].setZero();
-    if (!arcs_.turns(model_.body_of[p]) || model_.fixed[p]) continue;
-    turning_ns_[p] = system_.MultiplyRow(p, direction_) - model_.mass_kg[p] * direction_[p].vec();
-  }
-}
-
-// What the linear equation asks of A u, but for what is met within it: u = v_{n+1} - c, f without
-// the damping of stiff effects, which is linear.
-Vec3 ImplicitSolver::Asked(int p, double dt_s, const State& state) const {
-  return model_.mass_kg[p] * (state.velocity_m_s[p] - arc_m_s_[p]) + dt_s * start_total_n_[p] +
-         turning_ns_[p];
-}
-
 // Whether some two particles that act on each other come by more than a part of their distance at
 // rest nearer or further, by the velocities found.
 bool ImplicitSolver::MovesFarWithin(double dt_s) const {
@@ -280,71 +258,6 @@ void ImplicitSolver::StartResidual(std::span<const RigidGroup> groups, double dt
   }
 }
 
-void ImplicitSolver::LinearResidual(double dt_s, const State& state, Parallel* parallel) {
-  for (std::size_t p = 0; p < direction_.size(); ++p) {
-    for (int k = 0; k < 3; ++k) {
-      direction_[p].v[k] = prescribed_m_s_[p].v[k] + change_m_s_[p].v[k];
-    }
-  }
-  system_.Multiply(direction_, product_, parallel);
-  for (std::size_t p = 0; p < residual_ns_.size(); ++p) {
-    residual_ns_[p] = Padded{};
-    if (!system_.active(static_cast<int>(p))) continue;
-    residual_ns_[p].Set(Asked(static_cast<int>(p), dt_s, state) +
-                        InnerImpulse(static_cast<int>(p)) - product_[p].vec());
-  }
-}
-
-void ImplicitSolver::SolveLinear(std::span<const RigidGroup> groups, double dt_s,
-                                 const State& state, Parallel* parallel, StepReport* report) {
-  const bool slides = CollectSlides(groups, dt_s, state);
-  LinearResidual(dt_s, state, parallel);
-  const double start_sq = system_.Precondition(residual_ns_, direction_, parallel);
-  const double scale = std::max(scale_, std::sqrt(start_sq));
-  system_.Balance(change_m_s_, residual_ns_);
-  StartFromLastChange(groups, state, parallel);
-  const SubspaceSystem::Result result =
-      system_.Solve(std::max(effort_.tolerance * scale, round_off_), model_.max_iterations,
-                    change_m_s_, residual_ns_, parallel);
-  iterations_ = result.iterations;
-  BalanceLinear(dt_s, state, parallel);
-  if (!rows_.empty()) {
-    MeetRows(dt_s, state, parallel, report);
-    LinearResidual(dt_s, state, parallel);
-    system_.Balance(change_m_s_, residual_ns_);
-  }
-  if (slides) {
-    for (int turn = 0; turn < (rows_.empty() ? 1 : kSlideTurns); ++turn) {
-      MeetSlides(groups, std::max(effort_.tolerance * scale, round_off_), state, parallel, report);
-      BalanceLinear(dt_s, state, parallel);
-      if (rows_.empty()) break;
-      MeetRows(dt_s, state, parallel, report);
-      LinearResidual(dt_s, state, parallel);
-      system_.Balance(change_m_s_, residual_ns_);
-    }
-  }
-  residual_sq_ = system_.Precondition(residual_ns_, direction_, parallel);
-  if (!result.converged) report->bits |= kStepNotConverged;
-  // What is not a number must not look like rest.
-  if (!std::isfinite(residual_sq_)) {
-    for (Padded& change : change_m_s_) change.v[0] = std::numeric_limits<double>::quiet_NaN();
-  }
-}
-
-// A u of what can move is what the equation asks for, less what is open and what is held: no
-// product.
-void ImplicitSolver::BalanceLinear(double dt_s, const State& state, Parallel* parallel) {
-  for (std::size_t p = 0; p < direction_.size(); ++p) {
-    direction_[p] = product_[p] = Padded{};
-    if (!system_.active(static_cast<int>(p))) continue;
-    direction_[p].Set(prescribed_m_s_[p].vec() + change_m_s_[p].vec());
-    product_[p].Set(Asked(static_cast<int>(p), dt_s, state) + InnerImpulse(static_cast<int>(p)) -
-                    residual_ns_[p].vec());
-  }
-  system_.SubtractHeld(prescribed_m_s_, product_);
-  system_.BalanceWork(direction_, product_, change_m_s_, residual_ns_, parallel);
-}
-
 // The worst row's relative error where the velocities found lead.
 double ImplicitSolver::MeasureRows(double dt_s, const State& state) {
   for (std::size_t p = 0; p < position_m_.size(); ++p) {
@@ -352,51 +265,6 @@ double ImplicitSolver::MeasureRows(double dt_s, const State& state) {
     position_m_[p] = state.position_m[p] + dt_s * velocity;
   }
   return rows_.Measure(dt_s, position_m_);
-}
-
-// What is nearly flat, or turns far in a sub-step, may lead the iteration away: then the best is
-// kept, and the rest of the step says what it could not mend.
-void ImplicitSolver::MeetRows(double dt_s, const State& state, Parallel* parallel,
-                              StepReport* report) {
-  iterations_ +=
-      rows_.Respond(effort_.tolerance, model_.max_iterations, &system_, parallel, report);
-  double last = std::numeric_limits<double>::infinity();
-  for (int iteration = 0;; ++iteration) {
-    const double worst = MeasureRows(dt_s, state);
-    if (worst <= kRowTolerance || iteration == kRowIterations) return;
-    if (!(worst < last)) {
-      if (iteration > 0) rows_.GoBack(change_m_s_, residual_ns_);
-      return;
-    }
-    last = worst;
-    rows_.Advance(change_m_s_, residual_ns_);
-  }
-}
-
-// The last change of velocity, scaled to what serves best now: where motion goes on as it did, that
-// is nearly the solution; otherwise next to nothing.
-void ImplicitSolver::StartFromLastChange(std::span<const RigidGroup> groups, const State& state,
-                                         Parallel* parallel) {
-  for (std::size_t p = 0; p < direction_.size(); ++p) {
-    const Vec3 turned = prescribed_m_s_[p].vec() - state.velocity_m_s[p] + arc_m_s_[p];
-    direction_[p].Set(state.velocity_change_m_s[p]);
-    if (system_.active(static_cast<int>(p)))
-      direction_[p].Set(state.velocity_change_m_s[p] - turned);
-  }
-  system_.Project(state, groups, direction_);
-  const double curvature = system_.Multiply(direction_, product_, parallel);
-  double descent = 0;
-  for (std::size_t p = 0; p < direction_.size(); ++p) {
-    for (int k = 0; k < 3; ++k) descent += direction_[p].v[k] * residual_ns_[p].v[k];
-  }
-  const double factor = descent / curvature;
-  if (!(curvature > 0) || !std::isfinite(factor)) return;
-  for (std::size_t p = 0; p < direction_.size(); ++p) {
-    for (int k = 0; k < 3; ++k) {
-      change_m_s_[p].v[k] += factor * direction_[p].v[k];
-      residual_ns_[p].v[k] -= factor * product_[p].v[k];
-    }
-  }
 }
 
 void ImplicitSolver::EffectiveForces(std::span<const RigidGroup> groups, double dt_s,
