@@ -11,15 +11,32 @@ namespace adhesim {
 // What just turning changes of forces that were made linear, with the sign of A's product: tissue
 // in which there is stress has stiffness against it (K (w x r) = -w x f where K is exact), which is
 // no force of a step that goes from tangent to tangent: f itself leads from one chord to the next.
-// Turned with the body, it took angular momentum by a^2 a step.
+// Turned with the body, it took angular momentum by a^2 a step. Of bodies whose motion is a turn
+// above all: of one that snaps back, K tells nothing that exact.
 void ImplicitSolver::FindTurning(const State& state) {
   for (int p = 0; p < model_.particle_count(); ++p) {
     direction_[p].Set(arcs_.Turning(model_.body_of[p], state.position_m[p]));
-  }
-  for (int p = 0; p < model_.particle_count(); ++p) {
     turning_ns_[p].setZero();
-    if (!arcs_.turns(model_.body_of[p]) || model_.fixed[p]) continue;
-    turning_ns_[p] = system_.MultiplyRow(p, direction_) - model_.mass_kg[p] * direction_[p].vec();
+  }
+  for (std::size_t b = 0; b < model_.bodies.size(); ++b) {
+    if (!arcs_.turns(static_cast<int>(b))) continue;
+    const int first = model_.bodies[b].first_particle;
+    const int end = first + model_.bodies[b].particle_count;
+    double mass_kg = 0, turn_j = 0, other_j = 0;  // twice these energies
+    Vec3 momentum = Vec3::Zero();
+    for (int p = first; p < end; ++p) {
+      const double m = model_.mass_kg[p];
+      const Vec3 other = state.velocity_m_s[p] - direction_[p].vec();
+      mass_kg += m;
+      momentum += m * other;
+      turn_j += m * direction_[p].vec().squaredNorm();
+      other_j += m * other.squaredNorm();
+    }
+    if (!(turn_j >= other_j - momentum.squaredNorm() / mass_kg)) continue;
+    for (int p = first; p < end; ++p) {
+      if (model_.fixed[p]) continue;
+      turning_ns_[p] = system_.MultiplyRow(p, direction_) - model_.mass_kg[p] * direction_[p].vec();
+    }
   }
 }
 
