@@ -88,6 +88,7 @@ Penetration MeasurePenetration(const Model& model, std::span<const Vec3> positio
       box.Add(position_m[p]);
     for (int p = 0; p < model.particle_count(); ++p) {
       if (model.body_of[p] == static_cast<int>(b) || !model.OnSurface(p)) continue;
+      if (body.all_fixed && model.bodies[model.body_of[p]].all_fixed) continue;
       if (!box.Contains(position_m[p])) continue;
       if (!IsInside(model, body, position_m, position_m[p])) continue;
       double nearest_sq = std::numeric_limits<double>::infinity();

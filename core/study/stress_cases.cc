@@ -236,6 +236,12 @@ const StressCase kCases[] = {
      kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true},
     {"torture_367", "torture", "torture_367", "a body three times as fast as the tool may be", 0.4,
      kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true},
+    {"torture_763", "torture", "torture_763", "two needles, a sheet and a heavy block", 0.8,
+     kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "a needle's axis passes through a triangle"},
+    {"torture_959", "torture", "torture_959", "two needles among five bodies", 0.4, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "a needle's axis passes through a triangle"},
 };
 
 }  // namespace

@@ -424,5 +424,17 @@ bodies:
   EXPECT_EQ(MeasurePenetration(*model, apart).vertices_inside, 0);
 }
 
+// What is built from fixed parts overlaps for good.
+TEST(Penetration, IsOfBodiesThatCanPart) {
+  const std::string fixed_one = R"(
+bodies:
+  - {name: a, icosphere: {radius_m: 0.5, subdivisions: 2}, mass_kg: 1, fixed: [all: true]}
+  - {name: b, icosphere: {radius_m: 0.5, subdivisions: 2}, mass_kg: 1, position_m: [0.9, 0, 0])";
+  const auto one = ModelOf(fixed_one + "}\n"),
+             both = ModelOf(fixed_one + ", fixed: [all: true]}\n");
+  EXPECT_GT(MeasurePenetration(*one, one->rest_position_m).vertices_inside, 0);
+  EXPECT_EQ(MeasurePenetration(*both, both->rest_position_m).vertices_inside, 0);
+}
+
 }  // namespace
 }  // namespace adhesim::test
