@@ -88,17 +88,21 @@ Penetration MeasurePenetration(const Model& model, std::span<const Vec3> positio
       box.Add(position_m[p]);
     for (int p = 0; p < model.particle_count(); ++p) {
       if (model.body_of[p] == static_cast<int>(b) || !model.OnSurface(p)) continue;
-      if (body.all_fixed && model.bodies[model.body_of[p]].all_fixed) continue;
       if (!box.Contains(position_m[p])) continue;
       if (!IsInside(model, body, position_m, position_m[p])) continue;
       double nearest_sq = std::numeric_limits<double>::infinity();
+      int nearest = body.first_triangle;
       for (int t = body.first_triangle; t < body.first_triangle + body.triangle_count; ++t) {
         const Triangle& tri = model.triangles[t];
-        nearest_sq =
-            std::min(nearest_sq, ClosestPointOnTriangle(position_m[p], position_m[tri[0]],
-                                                        position_m[tri[1]], position_m[tri[2]])
-                                     .distance_sq_m2);
+        const double distance_sq = ClosestPointOnTriangle(position_m[p], position_m[tri[0]],
+                                                          position_m[tri[1]], position_m[tri[2]])
+                                       .distance_sq_m2;
+        if (!(distance_sq < nearest_sq)) continue;
+        nearest_sq = distance_sq;
+        nearest = t;
       }
+      const auto fixed = [&model](int v) { return model.fixed[v] != 0; };
+      if (fixed(p) && std::ranges::all_of(model.triangles[nearest], fixed)) continue;
       ++result.vertices_inside;
       result.max_depth_m = std::max(result.max_depth_m, std::sqrt(nearest_sq));
     }

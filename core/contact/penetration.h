@@ -6,7 +6,7 @@
 
 namespace adhesim {
 
-// How far bodies overlap of which one can move at least: obstacles may be built from parts.
+// How far bodies overlap where one of them can move at least: obstacles may be built from parts.
 struct Penetration {
   double max_depth_m =
       0;  // largest distance of a particle inside another closed body to that body's surface
