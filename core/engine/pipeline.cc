@@ -125,7 +125,7 @@ bool Pipeline::TrySubstep(double dt_s) {
   if (found) return true;
   report_.bits = bits;
   for (std::size_t t = 0; t < state_.tools.size(); ++t) state_.tools[t].flags = tool_flags_[t];
-  if (StepsImplicitly()) implicit_->GiveBack(AllForces());
+  implicit_->GiveBack(AllForces());
   return false;
 }
 

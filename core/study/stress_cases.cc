@@ -242,6 +242,16 @@ const StressCase kCases[] = {
     {"torture_959", "torture", "torture_959", "two needles among five bodies", 0.4, kNoRest,
      nullptr, nullptr, nullptr, nullptr, nullptr, true,
      "a needle's axis passes through a triangle"},
+    {"torture_1532", "torture", "torture_1532", "light shells of volume and a tool", 0.4, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true, "force on a tool beyond what it can exert"},
+    {"torture_1543", "torture", "torture_1543", "a block of 7 MPa without damping", 0.8, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true, "energy grows"},
+    {"torture_1586", "torture", "torture_1586", "tissue of 90 kPa and a tool", 2, kNoRest, nullptr,
+     nullptr, nullptr, nullptr, nullptr, true, "force on a tool beyond what it can exert"},
+    {"torture_1677", "torture", "torture_1677", "patches that slide, at 2 kHz", 0.3, kNoRest,
+     nullptr, nullptr, nullptr, nullptr, nullptr, true},
+    {"torture_1678", "torture", "torture_1678", "tools at their limit", 2, kNoRest, nullptr,
+     nullptr, nullptr, nullptr, nullptr, true, "force on a tool 1.03 of what it can exert"},
 };
 
 }  // namespace
