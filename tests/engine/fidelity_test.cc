@@ -63,7 +63,7 @@ TEST(Fidelity, DeclaresWhatWasMeasuredOnTheScene) {
   EXPECT_TRUE(engine->rungs()[0].measured);
   EXPECT_EQ(engine->rungs()[0].force_error, 0.02);
   EXPECT_EQ(engine->rungs()[0].position_error, 3e-7);
-  const FidelityRung& bound = EngineOf(Needle())->rungs()[1];
+  const FidelityRung bound = EngineOf(Needle())->rungs()[1];
   EXPECT_FALSE(engine->rungs()[1].measured);
   EXPECT_EQ(engine->rungs()[1].force_error, bound.force_error);
   EXPECT_EQ(engine->rungs()[1].position_error, bound.position_error);
