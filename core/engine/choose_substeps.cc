@@ -17,6 +17,8 @@ constexpr double kMostTurnRad = 0.12;
 // as in short ones.
 constexpr double kOverlapStepS = 0.005;
 
+bool MeetsItself(const Model& model) { return model.adhesive && model.adhesive->self_collision; }
+
 }  // namespace
 
 // About the velocity that a tool's coupling leads to in this step, against the tissue's force of
@@ -81,8 +83,7 @@ double Pipeline::PartsByClosing(double time_s, std::span<const Vec3> velocity_m_
   if (state_.sleep.bodies > 0) velocities.Add(Vec3(Vec3::Zero()));
   const double closing_m_s = (velocities.max - velocities.min).norm() + tools.turning_m_s;
   const double parts = closing_m_s * time_s / most_m;
-  const bool within_bodies = model_->adhesive && model_->adhesive->self_collision;
-  if (parts <= enough || !state_.tools.empty() || within_bodies) return parts;
+  if (parts <= enough || !state_.tools.empty() || MeetsItself(*model_)) return parts;
   // Only what is within reach needs so many; the rest has further to go. ClosingSpeed() is of
   // pairs of bodies: tools, and a body that meets itself, keep to the box.
   detector_->Update(state_.position_m, &parallel_, &report_);
@@ -139,8 +140,7 @@ bool Pipeline::MovesTooFar() {
   // What lies half of that apart was seen and is looked at; lists of the sub-step before have seen
   // no more than that.
   const double half_m = 0.5 * contact_distance_m_, most_m = old_lists_ ? half_m : 2 * half_m;
-  const bool within_bodies = model_->adhesive && model_->adhesive->self_collision;
-  const bool alone = model_->bodies.size() == 1 && state_.tools.empty() && !within_bodies;
+  const bool alone = model_->bodies.size() == 1 && state_.tools.empty() && !MeetsItself(*model_);
   int substeps = 0;
   if (!alone && PartsByClosing(substep_dt_s_, velocity_m_s, tools, most_m, 1) > 1) {
     substeps = Permitted(PartsByClosing(left_s_, velocity_m_s, tools, half_m, 1));

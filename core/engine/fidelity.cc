@@ -4,10 +4,11 @@
 #include <absl/strings/str_join.h>
 
 #include <algorithm>
+#include <string>
 #include <string_view>
-#include <vector>
 
 #include "core/engine/pipeline.h"
+#include "core/model/rungs.h"
 
 namespace adhesim {
 namespace {
@@ -24,25 +25,13 @@ constexpr int kNewtonIterations = 3;
 constexpr double kVolumeTolerance = 1e-6;
 constexpr int kStiffnessEvery = 2;  // sub-steps, of which the first assembles
 
-// A rung's errors as the scene says that they were measured; else those given.
-FidelityRung Declared(const v1::Rungs& measured, FidelityRung rung) {
-  const auto* field = v1::Rungs::descriptor()->FindFieldByName(rung.name);
-  if (!measured.GetReflection()->HasField(measured, field)) return rung;
-  const auto& error =
-      static_cast<const v1::RungError&>(measured.GetReflection()->GetMessage(measured, field));
-  return {rung.name, error.force_error(), error.position_error(), true};
-}
-
 }  // namespace
 
 absl::Status Pipeline::CompileRungs() {
   // Most that was measured (docs/governor.md), rounded up; the first rung makes nearly all of it.
   const double force_error = implicit_ ? 0.05 : 0.005;
   const double position_error = implicit_ ? 0.006 : 1e-6;
-  const v1::Rungs& measured = model_->scene.rungs();
-  const auto add = [&](const char* name) {
-    rungs_.push_back(Declared(measured, {name, force_error, position_error}));
-  };
+  const auto add = [&](const char* name) { rungs_.push_back({name, force_error, position_error}); };
   const bool rows = std::any_of(effects_.begin(), effects_.end(),
                                 [](const auto& effect) { return !effect->constraints().empty(); });
   if (rows || (implicit_ && model_->tolerance < kLoosest)) {
@@ -57,17 +46,20 @@ absl::Status Pipeline::CompileRungs() {
   if (implicit_ && model_->integrator == Integrator::kImplicit) {
     add(kStiffness);
   }
-  std::vector<const google::protobuf::FieldDescriptor*> named;
-  measured.GetReflection()->ListFields(measured, &named);
-  for (const auto* field : named) {
-    const auto is_named = [&](const FidelityRung& rung) { return field->name() == rung.name; };
-    if (std::any_of(rungs_.begin(), rungs_.end(), is_named)) continue;
-    const auto append_name = [](std::string* out, const FidelityRung& rung) { *out += rung.name; };
-    return absl::InvalidArgumentError(absl::StrCat(
-        "rungs.", field->name(), ": the scene has no such rung to give up; permitted: ",
-        rungs_.empty() ? "none" : absl::StrJoin(rungs_, ", ", append_name)));
-  }
-  return absl::OkStatus();
+  absl::Status status;
+  ForEachRung(model_->scene.rungs(), [&](const std::string& name, const v1::RungError& error) {
+    const auto rung = std::find_if(rungs_.begin(), rungs_.end(),
+                                   [&name](const FidelityRung& one) { return name == one.name; });
+    if (rung != rungs_.end()) {
+      *rung = {rung->name, error.force_error(), error.position_error(), true};
+      return;
+    }
+    const auto append_name = [](std::string* out, const FidelityRung& one) { *out += one.name; };
+    status.Update(absl::InvalidArgumentError(
+        absl::StrCat("rungs.", name, ": the scene has no such rung to give up; permitted: ",
+                     rungs_.empty() ? "none" : absl::StrJoin(rungs_, ", ", append_name))));
+  });
+  return status;
 }
 
 void Pipeline::SetFidelity(int rungs) {

@@ -7,9 +7,9 @@
 #include <map>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "core/model/effect_name.h"
+#include "core/model/rungs.h"
 #include "core/scene/did_you_mean.h"
 #include "core/scene/field_options.h"
 #include "core/scene/quantity.h"
@@ -351,16 +351,12 @@ void CheckEffects(const v1::Scene& scene, Problems* problems) {
 // Of what tools feel there is an error; elsewhere it says nothing.
 void CheckRungs(const v1::Scene& scene, Problems* problems) {
   if (scene.tools().empty()) return;
-  std::vector<const google::protobuf::FieldDescriptor*> rungs;
-  scene.rungs().GetReflection()->ListFields(scene.rungs(), &rungs);
-  for (const auto* rung : rungs) {
-    const auto& error = static_cast<const v1::RungError&>(
-        scene.rungs().GetReflection()->GetMessage(scene.rungs(), rung));
-    if (error.has_force_error()) continue;
-    problems->push_back({absl::StrCat("rungs.", rung->name(), ".force_error"),
+  ForEachRung(scene.rungs(), [problems](const std::string& name, const v1::RungError& error) {
+    if (error.has_force_error()) return;
+    problems->push_back({absl::StrCat("rungs.", name, ".force_error"),
                          "required in a scene with tools, but missing; permitted: at least 0, "
                          "at most 1"});
-  }
+  });
 }
 
 }  // namespace

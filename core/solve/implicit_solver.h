@@ -20,8 +20,9 @@ namespace adhesim {
 // their stiffness; the others stay explicit.
 //
 // Linearly implicit: one linear system for dv = v_{n+1} - v_n,
-//   A dv = dt (f(x_n, v_n) - dt K (v_n - c)),  A = M + dt D + dt^2 K,
-// c the way from tangents to arcs of bodies that turn (Arcs).
+//   A dv = dt (f(x_n, v_n) - dt K (v_n - c - w x r)),  A = M + dt D + dt^2 K,
+// c the way from tangents to arcs of bodies that turn (Arcs), w x r their turning where it is most
+// of their motion.
 // Newton: M dv = dt f(x_n + dt v_{n+1}, v_{n+1}), with A of the last iterate and a line search. A
 // linear step that moves tissue far against itself, and gains energy, is made again so.
 //

@@ -8,6 +8,7 @@
 
 #include <optional>
 
+#include "core/model/rungs.h"
 #include "core/scene/quantity.h"
 
 namespace adhesim {
@@ -89,19 +90,15 @@ absl::StatusOr<std::string> WithEdit(std::string text, const YamlTree& tree,
 
 // Its lines; none: there are no rungs.
 std::string TextOf(const RungsEntry& entry) {
-  std::vector<const google::protobuf::FieldDescriptor*> fields;
-  entry.rungs.GetReflection()->ListFields(entry.rungs, &fields);
-  if (fields.empty()) return "";
-  std::string text = absl::StrCat(kRungs, ":  # ", entry.comment, "\n");
-  for (const auto* field : fields) {
-    const auto& error = static_cast<const v1::RungError&>(
-        entry.rungs.GetReflection()->GetMessage(entry.rungs, field));
-    absl::StrAppend(&text, "  ", field->name(), ": {");
+  std::string text;
+  ForEachRung(entry.rungs, [&](const std::string& name, const v1::RungError& error) {
+    if (text.empty()) text = absl::StrCat(kRungs, ":  # ", entry.comment, "\n");
+    absl::StrAppend(&text, "  ", name, ": {");
     if (error.has_force_error()) {
       absl::StrAppend(&text, "force_error: ", NumberText(error.force_error()), ", ");
     }
     absl::StrAppend(&text, "position_error: ", NumberText(error.position_error()), "}\n");
-  }
+  });
   return text;
 }
 

@@ -19,8 +19,7 @@ namespace {
 using ::testing::HasSubstr;
 
 AccuracyStudy StudyOf(const std::string& yaml) {
-  const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
-  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
+  const SceneFile file = SceneFileOf(yaml);
   AccuracyOptions options;
   options.quick = true;
   options.repeats = 1;

@@ -16,12 +16,6 @@ namespace {
 
 using ::testing::HasSubstr;
 
-SceneFile SceneOf(const std::string& yaml) {
-  const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
-  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
-  return file;
-}
-
 AccuracyRung Rung(const std::string& name, std::optional<double> force,
                   std::optional<double> position) {
   AccuracyRung rung;
@@ -53,7 +47,7 @@ TEST(AccuracyRungs, AreWrittenAsNoLessThanWasMeasured) {
 }
 
 TEST(AccuracyApply, ChangesTheNumbersAndNothingElse) {
-  const SceneFile file = SceneOf(BeamScene());
+  const SceneFile file = SceneFileOf(BeamScene());
   const auto text = TextWithEdits(
       file,
       {{"rate_hz", "50"}, {"integration.tolerance", "0.01"}, {"integration.max_substeps", "9"}});
@@ -69,11 +63,11 @@ TEST(AccuracyApply, AddsWhatTheFileDoesNotHaveInFrontOfTheBodies) {
   std::string yaml = BeamScene();
   yaml.erase(0, yaml.find("bodies:"));
   const auto text = TextWithEdits(
-      SceneOf(yaml),
+      SceneFileOf(yaml),
       {{"rate_hz", "50"}, {"integration.integrator", "newton"}, {"integration.tolerance", "0.01"}});
   ASSERT_TRUE(text.ok()) << text.status();
   EXPECT_EQ(*text, "rate_hz: 50\nintegration: {tolerance: 0.01, integrator: newton}\n" + yaml);
-  const auto block = TextWithEdits(SceneOf("integration:\n  max_substeps: 9  # many\n" + yaml),
+  const auto block = TextWithEdits(SceneFileOf("integration:\n  max_substeps: 9  # many\n" + yaml),
                                    {{"integration.tolerance", "0.01"}});
   ASSERT_TRUE(block.ok()) << block.status();
   EXPECT_EQ(*block, "integration:\n  tolerance: 0.01\n  max_substeps: 9  # many\n" + yaml);
@@ -96,18 +90,18 @@ TEST(AccuracyApply, WritesWhatRungsCostBesideTheirSetting) {
       "rungs:  # of a test\n"
       "  iterations: {position_error: 0.001}\n"
       "  stiffness: {force_error: 0.02, position_error: 0.002}\n";
-  const auto text = TextWithEdits(SceneOf(yaml), {}, TwoRungs(0.02, 1e-3));
+  const auto text = TextWithEdits(SceneFileOf(yaml), {}, TwoRungs(0.02, 1e-3));
   ASSERT_TRUE(text.ok()) << text.status();
   const std::size_t bodies = yaml.find("bodies:");
   EXPECT_EQ(*text, yaml.substr(0, bodies) + entry + yaml.substr(bodies));
-  const SceneFile written = SceneOf(*text);
+  const SceneFile written = SceneFileOf(*text);
   EXPECT_EQ(written.scene.rungs().stiffness().force_error(), 0.02);
   EXPECT_FALSE(written.scene.rungs().iterations().has_force_error());
 
   std::string renewed = entry;
   renewed.replace(renewed.find("0.02"), 4, "0.04");
   std::string last = yaml + "# the last\n" + entry;
-  const auto again = TextWithEdits(SceneOf(last), {}, TwoRungs(0.04, 1e-3));
+  const auto again = TextWithEdits(SceneFileOf(last), {}, TwoRungs(0.04, 1e-3));
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_EQ(*again, yaml + "# the last\n" + renewed);
 
@@ -120,12 +114,13 @@ TEST(AccuracyApply, WritesWhatRungsCostBesideTheirSetting) {
 }
 
 TEST(AccuracyApply, RefusesWhatItCannotWriteSafely) {
-  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"rate_hz", "-1"}}).ok());
-  EXPECT_FALSE(TextWithEdits(SceneOf(BeamScene()), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
+  EXPECT_FALSE(TextWithEdits(SceneFileOf(BeamScene()), {{"rate_hz", "-1"}}).ok());
+  EXPECT_FALSE(
+      TextWithEdits(SceneFileOf(BeamScene()), {{"bodies[0].tetrahedra.cells", "16"}}).ok());
   const std::string json =
       "{\"bodies\": [{\"name\": \"a\", \"icosphere\": {\"radius_m\": 1}, \"mass_kg\": 1}]}";
-  EXPECT_FALSE(TextWithEdits(SceneOf(json), {{"rate_hz", "50"}}).ok());
-  EXPECT_FALSE(TextWithEdits(SceneOf(json), {}, TwoRungs(0.02, 1e-3)).ok());
+  EXPECT_FALSE(TextWithEdits(SceneFileOf(json), {{"rate_hz", "50"}}).ok());
+  EXPECT_FALSE(TextWithEdits(SceneFileOf(json), {}, TwoRungs(0.02, 1e-3)).ok());
 }
 
 }  // namespace

@@ -18,19 +18,13 @@ namespace {
 
 using ::testing::HasSubstr;
 
-SceneFile SceneOf(const std::string& yaml) {
-  const SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
-  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
-  return file;
-}
-
 AccuracyStudy StudyOf(const std::string& yaml, double seconds) {
   AccuracyOptions options;
   options.quick = true;
   options.repeats = 1;
   options.seconds = seconds;
   options.budget_s = 300;  // far more than it takes, also where the machine is busy
-  const SceneFile file = SceneOf(yaml);
+  const SceneFile file = SceneFileOf(yaml);
   absl::StatusOr<AccuracyStudy> study = StudyAccuracy(file.scene, file.directory, options);
   EXPECT_TRUE(study.ok()) << study.status();
   return study.ok() ? *std::move(study) : AccuracyStudy();
@@ -117,7 +111,7 @@ constexpr char kPressed[] =
 
 // The first setting of each dial, then the second: a budget that ends early leaves none without.
 TEST(AccuracyStudy, TriesEveryDialBeforeItTriesOneTwice) {
-  const SceneFile file = SceneOf(kPressed);
+  const SceneFile file = SceneFileOf(kPressed);
   std::vector<std::string> said;
   AccuracyOptions options;
   options.quick = true;
@@ -135,7 +129,7 @@ TEST(AccuracyStudy, TriesEveryDialBeforeItTriesOneTwice) {
 }
 
 std::vector<std::string> ZoneSettingsOf(const std::string& adhesive) {
-  const SceneFile file = SceneOf(
+  const SceneFile file = SceneFileOf(
       "bodies:\n"
       "  - {name: a, icosphere: {radius_m: 0.1}, mass_kg: 1}\n"
       "  - {name: b, icosphere: {radius_m: 0.1}, mass_kg: 1, position_m: [0.21, 0, 0]}\n"
@@ -180,7 +174,7 @@ TEST(AccuracyDials, OfZonesAreTheOtherWaysToStick) {
 // The explicit path is foretold to take too long, and not begun; Newton's path is run because a
 // reference there must be, and once more at half the rate, so that chaos is seen.
 TEST(AccuracyReferences, AreOfOneCodeWhereThereIsNoTimeForTheOther) {
-  const SceneFile file = SceneOf(kPressed);
+  const SceneFile file = SceneFileOf(kPressed);
   const auto model = EditedModel(file.scene, file.directory, {});
   ASSERT_TRUE(model.ok()) << model.status();
   const AccuracyProbes probes(**model);
@@ -224,7 +218,7 @@ TEST(AccuracyStudy, MeasuresWhatTheGovernorGivesUp) {
 
 // What is written with a setting is of that setting: its rungs, by their difference from it.
 TEST(AccuracyStudy, MeasuresTheRungsOfTheSettingThatItRecommends) {
-  const SceneFile file = SceneOf(kPressed);
+  const SceneFile file = SceneFileOf(kPressed);
   AccuracyOptions options;
   options.quick = true;
   options.repeats = 1;

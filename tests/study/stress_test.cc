@@ -183,7 +183,7 @@ TEST(Torture, DrawsScenesThatLoad) {
 // counts (465).
 TEST(Torture, StaysMended) {
   if (kSanitized) GTEST_SKIP() << "the release build runs them";
-  for (const int seed : {4, 17, 29, 38, 43, 49, 71, 88, 95, 220, 367, 465}) {
+  for (const int seed : {4, 17, 29, 38, 43, 49, 71, 88, 95, 220, 367, 465, 902, 1267, 1677}) {
     const StressResult result = RunTorture(seed, kTortureS);
     EXPECT_EQ(result.outcome, StressOutcome::kSurvived) << seed << ": " << result.cause;
   }

@@ -19,9 +19,15 @@ inline std::shared_ptr<const Model> ModelOf(const SceneFile& file) {
   return built.model;
 }
 
-// The model of a scene given as YAML text.
+// A scene given as YAML text.
+inline SceneFile SceneFileOf(const std::string& yaml) {
+  SceneFile file = ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR);
+  EXPECT_TRUE(file.ok()) << file.Format(file.problems);
+  return file;
+}
+
 inline std::shared_ptr<const Model> ModelOf(const std::string& yaml) {
-  return ModelOf(ParseScene(yaml, "test.yaml", ADHESIM_SOURCE_DIR));
+  return ModelOf(SceneFileOf(yaml));
 }
 
 inline std::unique_ptr<Engine> EngineOf(std::shared_ptr<const Model> model, int threads = 1,
