@@ -17,6 +17,9 @@ constexpr double kMostTurnRad = 0.12;
 // as in short ones.
 constexpr double kOverlapStepS = 0.005;
 
+// s: what swings faster than once in this time does not set the length of its own steps.
+constexpr double kKeptS = 0.1;
+
 bool MeetsItself(const Model& model) { return model.adhesive && model.adhesive->self_collision; }
 
 }  // namespace
@@ -101,14 +104,23 @@ double Pipeline::PartsByTurning(double time_s, std::span<const Vec3> velocity_m_
 }
 
 // At least what the elastic stability bound needs, and so many that nothing crosses half a capture
-// distance in one, or turns far, as fast as things are now.
+// distance in one, or turns far, as fast as things are now. Explicit springs conserve energy in
+// steps of one length; one that follows their own motion swings with it and feeds it. So their
+// number grows when it must, and falls when half of it has been enough for a while.
 int Pipeline::SubstepsNow() {
   const double closing = PartsByClosing(model_->dt_s, state_.velocity_m_s, ComingToolMotion(),
                                         0.5 * contact_distance_m_, substeps_);
   slow_ = 2 * closing <= substeps_;
   const double turning = PartsByTurning(model_->dt_s, state_.velocity_m_s, kTurnRad);
   const double overlap = state_.contacts.overlapping ? model_->dt_s / kOverlapStepS : 0;
-  return std::max({substeps_, Permitted(closing), Permitted(turning), Permitted(overlap)});
+  const int needed =
+      std::max({substeps_, Permitted(closing), Permitted(turning), Permitted(overlap)});
+  if (!springs_) return needed;
+  const double since_s =
+      static_cast<double>(state_.step - state_.substeps_needed_in) * model_->dt_s;
+  if (needed > state_.substeps || since_s > kKeptS) state_.substeps = needed;
+  if (2 * needed > state_.substeps) state_.substeps_needed_in = state_.step;
+  return state_.substeps;
 }
 
 // Whole sub-steps, as many as the step may still have.

@@ -190,6 +190,7 @@ absl::Status Pipeline::ChooseSubsteps() {
   for (std::size_t p = 0; p < stiffness.size(); ++p) {
     if (model_->fixed[p] || !(model_->mass_kg[p] > 0)) continue;
     const double w_sq = stiffness[p] / model_->mass_kg[p], d = damping[p] / model_->mass_kg[p];
+    springs_ = springs_ || w_sq > 0;
     if (w_sq > 0) {
       largest_dt_s = std::min(largest_dt_s, (std::sqrt(d * d + 4 * w_sq) - d) / w_sq);
     } else if (d > 0) {

@@ -154,6 +154,7 @@ class Pipeline : public Engine {
   bool frozen_ = false;
   bool has_forces_ = false;  // those of the last sub-step belong to `state_`
   int substeps_ = 1;         // at least
+  bool springs_ = false;     // some effect is elastic and explicit
   // Of a step: sub-steps done and in all, how long they are, and what time is left.
   int made_ = 0, to_make_ = 0;
   double substep_dt_s_ = 0, left_s_ = 0;

@@ -184,7 +184,11 @@ struct State {
       effect_state;              // what effects declared (rotations, damage); each knows its part
   Contacts contacts;             // written by `zones` and `solve`
   std::vector<ToolState> tools;  // [#tools] written by `tools` and `move`
-  Sleep sleep;                   // written by `detect` (wakes) and `forces` (falls asleep)
+  // Where explicit springs keep it: the number of sub-steps of the last step, and the last one that
+  // needed more than half of it.
+  std::int32_t substeps = 0;
+  std::uint64_t substeps_needed_in = 0;
+  Sleep sleep;  // written by `detect` (wakes) and `forces` (falls asleep)
   Ledger ledger;
   MomentumLedger momentum;
 };

@@ -149,5 +149,32 @@ effects:
   EXPECT_LT(drift, 1e-3);
 }
 
+// A sheet that swings at 1.5 m/s while contact looks at half a millimetre: a number of sub-steps
+// that follows its speed swings with it, and took 47 % of its energy within a second.
+TEST(KeptEnergy, IsKeptWhereSpeedAsksForMoreSubsteps) {
+  auto engine = EngineOf(R"(
+rate_hz: 500
+integration: {max_substeps: 500}
+bodies:
+  - {name: sheet, sheet: {length_m: 0.06, width_m: 0.06, columns: 4, rows: 4}, mass_kg: 0.001,
+     fixed: [half_space: {point_m: [-0.029, 0, 0], normal: [-1, 0, 0]}], velocity_m_s: [0, 0, 1.5]}
+tools:
+  - {name: far, needle: {length_m: 0.1, radius_m: 0.001}, position_m: [0, 0.5, 0]}
+effects:
+  - shape_memory: {stiffness_n_m: 400}
+  - virtual_adhesive: {capture_distance_m: 0.0005, normal_strength_pa: 5}
+)");
+  const double start_j = engine->MechanicalEnergy();
+  int most = 0;
+  double drift = 0;
+  for (int step = 0; step < 500; ++step) {
+    engine->Step({});
+    most = std::max(most, static_cast<int>(engine->state().substeps));
+    drift = std::max(drift, std::abs(engine->KeptEnergy() / start_j - 1));
+  }
+  EXPECT_GT(most, engine->substeps());
+  EXPECT_LT(drift, 0.01);
+}
+
 }  // namespace
 }  // namespace adhesim::test
