@@ -5,8 +5,12 @@
 
 namespace adhesim {
 
+// Once for every set of zones that a sub-step tries: a tool that was moved with what it then let
+// go, or without what its tissue then stuck to, would be driven on against forces that it never
+// felt.
 void Pipeline::MoveTools(double dt_s) {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    state_.tools[t].flags = tool_flags_[t];
     tool_pose_[t] = state_.tools[t].pose;
     last_twist_[t] = state_.tools[t].twist;
   }

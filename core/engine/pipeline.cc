@@ -266,7 +266,7 @@ bool Pipeline::Solve(double dt_s) {
     solver_->Try(state_, total_force_n_, dt_s, &parallel_, &report_, multipliers, implicit);
     if (MovesTooFar()) return false;
     if (!adhesive_) return true;
-    int changes = 0, by_tools = 0;
+    int changes = 0;
     if (releasing && passes < kReleasePasses) {
       changes = adhesive_->Release(solver_->load_n(), solver_->tie_load(), state_, strength_scale_,
                                    passes == 0 ? dt_s : 0, &state_.contacts);
@@ -279,10 +279,9 @@ bool Pipeline::Solve(double dt_s) {
       changes = adhesive_->CaptureCrossing(near_, near_edges_, state_, solver_->moved_position_m(),
                                            &state_.contacts, &report_);
       if (tool_contacts_) {
-        by_tools =
+        changes +=
             adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
                                               tool_pose_, &state_.contacts, &report_);
-        changes += by_tools;
       }
       if (changes == 0) return true;
       if (++caught > kCrossingPasses) {
@@ -290,8 +289,11 @@ bool Pipeline::Solve(double dt_s) {
         return true;
       }
     }
-    RenewZones(by_tools > 0);  // letting go changes no velocity, only the zones' own momenta
-    if (by_tools > 0) MoveTools(dt_s);  // they have met what they caught
+    RenewZones(!releasing);  // letting go changes no velocity, only the zones' own momenta
+    if (tool_set_) {         // they go with what they hold now, and have met what was caught
+      if (implicit) implicit_->GiveBack(AllForces());
+      MoveTools(dt_s);
+    }
   }
 }
 

@@ -204,7 +204,7 @@ class Pipeline : public Engine {
   std::vector<ForceError::Bar> error_bar_;  // [#tools] mean over the step; empty likewise
   std::vector<double> strength_scale_;      // [#tools]
   std::vector<std::uint8_t> retracted_;     // [#tools]
-  std::vector<std::uint32_t> tool_flags_;   // [#tools] before a trial
+  std::vector<std::uint32_t> tool_flags_;   // [#tools] before tools moved
   std::vector<Aabb> tool_box_;              // [#tools] of those that may touch
   std::vector<double> strain_energy_j_;     // [#particles] of what falls asleep
   std::span<const NearPair> near_;          // of this sub-step

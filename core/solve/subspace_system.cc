@@ -147,8 +147,9 @@ void SubspaceSystem::SetZones(const State& state, std::span<const RigidGroup> gr
   zones_.clear();
   for (int z = 0; z < static_cast<int>(groups.size()); ++z) {
     const RigidGroup& group = groups[z];
+    // Without mass: corners that are carried and stick in another patch than what carries them.
     if (group.freedom == RigidGroup::Freedom::kDriven ||
-        group.freedom == RigidGroup::Freedom::kLocked) {
+        group.freedom == RigidGroup::Freedom::kLocked || !(group.mass_kg > 0)) {
       continue;
     }
     zones_.push_back({z, group.pivot_m, InverseOf(group, state, z)});

@@ -273,5 +273,39 @@ TEST(Carried, OverlappingBallsSeparate) {
   EXPECT_LT(OffItsCarriers(*engine), 1e-13);
 }
 
+// Of a triangle that is stuck to, a corner may be in another patch than what sticks there: it is a
+// zone of its own, and what carries it is in others. Such a zone has no mass, and no part in the
+// step's equation.
+TEST(Carried, CornersInAnotherPatchMoveAsTheyAreCarried) {
+  auto engine = EngineOf(R"(
+rate_hz: 500
+integration: {integrator: implicit, tolerance: 1e-10}
+bodies:
+  - {name: left, icosphere: {radius_m: 0.03, subdivisions: 1}, tetrahedra: {cells: 2}, density_kg_m3: 1000, position_m: [-0.0315, 0, 0], velocity_m_s: [0.1, 0, 0]}
+  - {name: right, icosphere: {radius_m: 0.03, subdivisions: 1}, tetrahedra: {cells: 2}, density_kg_m3: 1000, position_m: [0.0315, 0.008, 0.003], velocity_m_s: [-0.1, 0.02, 0]}
+effects:
+  - elasticity: {young_modulus_pa: 5000, stiffness_damping_s: 0.002}
+  - virtual_adhesive: {capture_distance_m: 0.001, normal_strength_pa: 1e5, patch_size_m: 0.012}
+)");
+  const Model& model = engine->model();
+  int without_mass = 0;
+  for (int step = 0; step < 100; ++step) {
+    ASSERT_EQ(engine->Step({}).bits, 0u) << step;
+    const Contacts& contacts = engine->state().contacts;
+    for (const Zone& zone : contacts.zones) {
+      double mass_kg = 0;
+      for (int k = zone.first; k < zone.first + zone.count; ++k)
+        mass_kg += model.mass_kg[contacts.zone_members[k]];
+      without_mass += mass_kg == 0;
+    }
+  }
+  EXPECT_GT(without_mass, 100);
+  EXPECT_GT(Bonds(*engine), 0);
+  EXPECT_LE(OffItsCarriers(*engine), 1e-14);
+  const MomentumError momentum = MomentumBalance(model, engine->state());
+  EXPECT_LE(momentum.linear, 1e-10);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+}
+
 }  // namespace
 }  // namespace adhesim::test

@@ -325,6 +325,52 @@ effects:
   }
 }
 
+// Likewise where it is not the tool itself that catches it but what the tool holds: a pad of a gram
+// that it carries along.
+TEST(Tools, AreSlowedByWhatTheirTissueCatches) {
+  for (const char* z : {"-0.0400", "-0.0405", "-0.0410", "-0.0415"}) {
+    SCOPED_TRACE(z);
+    auto engine = EngineOf(std::string(R"(
+rate_hz: 1000
+integration: {max_substeps: 1}
+bodies:
+  - {name: pad, kind: rigid, block: {size_m: [0.01, 0.01, 0.01], cells: 1}, mass_kg: 0.001, position_m: [0, 0, 0.0595]}
+  - {name: block, kind: rigid, block: {size_m: [0.04, 0.04, 0.04], cells: 2}, mass_kg: 0.5, position_m: [0, 0, )") +
+                           z + R"(]}
+tools:
+  - name: needle
+    needle: {}
+    position_m: [0, 0, 0.065]
+    coupling: {mass_kg: 0.05, max_speed_m_s: 2, max_force_n: 20}
+    adhesion: {normal_strength_pa: 1e9}
+    trajectory:
+      - {t_s: 0, position_m: [0, 0, 0.065]}
+      - {t_s: 0.1, position_m: [0, 0, -0.135]}
+effects:
+  - virtual_adhesive: {capture_distance_m: 0.001}
+)");
+    const Model& model = engine->model();
+    Vec3 given = Vec3::Zero();
+    double peak_n = 0, fastest_m_s = 0, impact_ns = 0;
+    for (int step = 0; step < 90; ++step) {
+      engine->Step({});
+      const ToolState& tool = engine->state().tools[0];
+      given += model.dt_s * tool.coupling.force_n;
+      peak_n = std::max(peak_n, tool.tissue.force_n.norm());
+      fastest_m_s = std::max(fastest_m_s, tool.twist.linear_m_s.norm());
+      impact_ns = std::max(impact_ns, engine->CaptureImpulse(0));
+    }
+    EXPECT_GT(fastest_m_s, 1.8);
+    EXPECT_LT(peak_n, 0.102 / model.dt_s + 20);
+    EXPECT_GT(impact_ns, 0.05);
+    EXPECT_LT(impact_ns, 0.1);
+    Vec3 momentum = 0.05 * engine->state().tools[0].twist.linear_m_s;
+    for (int p = 0; p < model.particle_count(); ++p)
+      momentum += model.mass_kg[p] * engine->state().velocity_m_s[p];
+    EXPECT_LT((momentum - given).norm(), 1e-4);
+  }
+}
+
 TEST(Tools, ARetractedToolLetsGoOfEverything) {
   auto engine = EngineOf(NeedleScene(kPressAndPull));
   StepMany(engine.get(), 400);
