@@ -99,6 +99,10 @@ class Adhesive {
   int CaptureByTools(std::span<const NearTool> near, const State& state, Contacts* contacts,
                      StepReport* report);
 
+  // m: by how much a trial step to `moved_m` [#particles] and `moved_tool` would bring the triangle
+  // nearer to the tool than it may come; 0: it may.
+  double ComesNearer(const NearTool& pair, const State& state, std::span<const Vec3> moved_m,
+                     const Pose& moved_tool) const;
   // CaptureCrossing() for tools, which move to `moved_tool` [#tools]: capture looked at the motion
   // that they had before their couplings moved them.
   int CaptureCrossingByTools(std::span<const NearTool> near, const State& state,
@@ -110,7 +114,7 @@ class Adhesive {
   int FollowSlidingOnTools(std::span<const NearTool> near, const State& state, Contacts* contacts);
 
   // True when the tool cannot take the particle along: it is fixed, or in a zone that is held by
-  // fixed particles or by another tool. Such a particle stops the tool instead.
+  // fixed particles or by another tool. Such a particle stops the tool instead, and pushes it.
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
   // True when the tool moves the particle: it, or something that carries it, is in the tool's zone.
   bool HeldBy(int tool, int particle, const Contacts& contacts) const;

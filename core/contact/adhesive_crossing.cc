@@ -126,6 +126,23 @@ int Adhesive::CaptureCrossing(std::span<const NearPair> near, std::span<const Ne
   return captured;
 }
 
+double Adhesive::ComesNearer(const NearTool& pair, const State& state,
+                             std::span<const Vec3> moved_m, const Pose& moved_tool) const {
+  const Triangle& tri = model_.triangles[pair.triangle];
+  Vec3 point = Vec3::Zero(), moved_point = Vec3::Zero();
+  for (int k = 0; k < 3; ++k) {
+    point += pair.weights(k) * state.position_m[tri[k]];
+    moved_point += pair.weights(k) * moved_m[tri[k]];
+  }
+  // The tool's own contact point moves with it.
+  const Pose& now = state.tools[pair.tool].pose;
+  const Vec3 on_tool =
+      now.orientation.conjugate() * (point - pair.gap_m * pair.normal - now.position_m);
+  const double then = pair.normal.dot(moved_point - moved_tool * on_tool);
+  if (!Approaches(pair.gap_m, then)) return 0;
+  return std::min(pair.gap_m, kKeep * capture_distance_m_) - then;
+}
+
 int Adhesive::CaptureCrossingByTools(std::span<const NearTool> near, const State& state,
                                      std::span<const Vec3> moved_m,
                                      std::span<const Pose> moved_tool, Contacts* contacts,
@@ -133,23 +150,13 @@ int Adhesive::CaptureCrossingByTools(std::span<const NearTool> near, const State
   int captured = 0;
   for (const NearTool& pair : near) {
     const Triangle& tri = model_.triangles[pair.triangle];
-    Vec3 point = Vec3::Zero(), moved_point = Vec3::Zero();
-    for (int k = 0; k < 3; ++k) {
-      point += pair.weights(k) * state.position_m[tri[k]];
-      moved_point += pair.weights(k) * moved_m[tri[k]];
-    }
-    // The tool's own contact point moves with it.
-    const Pose& now = state.tools[pair.tool].pose;
-    const Vec3 on_tool =
-        now.orientation.conjugate() * (point - pair.gap_m * pair.normal - now.position_m);
-    const double then = pair.normal.dot(moved_point - moved_tool[pair.tool] * on_tool);
-    if (!Approaches(pair.gap_m, then)) continue;
+    if (ComesNearer(pair, state, moved_m, moved_tool[pair.tool]) == 0) continue;
     Bond bond = BondOf(pair, state, *contacts);
     for (int k = 0; k < 3; ++k) {
       const bool may = pair.weights(k) > 0 && !HeldAgainst(pair.tool, tri[k], *contacts);
       bond.vertices[k] = may ? tri[k] : -1;
     }
-    if (!bond.Holds()) continue;  // what others hold stops the tool by itself
+    if (!bond.Holds()) continue;  // the tool stops at what others hold, or gives way to it
     const auto at = std::lower_bound(contacts->bonds.begin(), contacts->bonds.end(), bond, KeyLess);
     if (at == contacts->bonds.end() || Key(*at) != Key(bond)) {
       captured += Insert(bond, contacts, report);

@@ -11,18 +11,23 @@ namespace adhesim {
 void Pipeline::MoveTools(double dt_s) {
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     state_.tools[t].flags = tool_flags_[t];
-    tool_pose_[t] = state_.tools[t].pose;
     last_twist_[t] = state_.tools[t].twist;
   }
   const bool together = tool_system_ && StepsImplicitly() && MoveWithTissue(dt_s);
   for (std::size_t t = 0; t < state_.tools.size(); ++t) {
     const int tool = static_cast<int>(t);
     if (!together || !tool_system_->has(tool)) FollowAgainstForces(tool, dt_s);
-    Twist twist = NotIntoHeldTissue(tool, tool_twist_[t]);
-    if (tools_can_collide_) twist = Unobstructed(tool, twist, dt_s);
-    tool_twist_[t] = twist;
-    // One after the other: the next tool sees where this one will be, so that none can pass
-    // another.
+    tool_twist_[t] = NotIntoHeldTissue(tool, tool_twist_[t]);
+  }
+  KeepToolsApart(dt_s);
+}
+
+// One after the other: the next tool sees where this one will be, so that none can pass another.
+void Pipeline::KeepToolsApart(double dt_s) {
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) tool_pose_[t] = state_.tools[t].pose;
+  for (std::size_t t = 0; t < state_.tools.size(); ++t) {
+    Twist& twist = tool_twist_[t];
+    if (tools_can_collide_) twist = Unobstructed(static_cast<int>(t), twist, dt_s);
     tool_pose_[t] = Advance(state_.tools[t].pose, twist, dt_s);
   }
 }
@@ -137,6 +142,33 @@ Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
     }
   }
   return twist;
+}
+
+// Tissue that a tool cannot take along does not stand still for that: it turns about its pins, or
+// bends. Where the trial step brings it to a tool, the tool gives way. True if any does.
+bool Pipeline::GiveWay(double dt_s) {
+  bool any = false;
+  for (const Adhesive::NearTool& near : near_tools_) {
+    const double nearer_m =
+        adhesive_->ComesNearer(near, state_, solver_->moved_position_m(), tool_pose_[near.tool]);
+    if (nearer_m == 0) continue;
+    double others = 0;  // how much of the point does not go with the tool
+    bool held = false;
+    for (int k = 0; k < 3; ++k) {
+      const int p = model_->triangles[near.triangle][k];
+      if (!adhesive_->HeldBy(near.tool, p, state_.contacts)) others += near.weights(k);
+      held = held || (near.weights(k) > Adhesive::kMinWeight &&
+                      adhesive_->HeldAgainst(near.tool, p, state_.contacts));
+    }
+    if (!held) continue;
+    Twist& twist = tool_twist_[near.tool];
+    twist.linear_m_s -= nearer_m / (std::max(others, Adhesive::kMinWeight) * dt_s) * near.normal;
+    tool_pose_[near.tool] = Advance(state_.tools[near.tool].pose, twist, dt_s);
+    state_.tools[near.tool].flags |= kToolObstructed;
+    any = true;
+  }
+  if (any) KeepToolsApart(dt_s);
+  return any;
 }
 
 // The twist without the part that would drive the tool into an obstacle or another tool.

@@ -283,7 +283,10 @@ bool Pipeline::Solve(double dt_s) {
             adhesive_->CaptureCrossingByTools(near_tools_, state_, solver_->moved_position_m(),
                                               tool_pose_, &state_.contacts, &report_);
       }
-      if (changes == 0) return true;
+      if (changes == 0) {
+        if (!tool_contacts_ || ++caught > kCrossingPasses || !GiveWay(dt_s)) return true;
+        continue;
+      }
       if (++caught > kCrossingPasses) {
         report_.bits |= kStepReleasePasses;
         return true;

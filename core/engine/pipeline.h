@@ -141,6 +141,8 @@ class Pipeline : public Engine {
   void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
   Twist NotIntoHeldTissue(int tool, Twist twist);
+  bool GiveWay(double dt_s);
+  void KeepToolsApart(double dt_s);
   bool Solve(double dt_s);
   ImplicitSolver::Forces AllForces() {
     return {{force_n_[0], force_n_[1], force_n_[2], force_n_[3]}, total_force_n_};

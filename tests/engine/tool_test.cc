@@ -274,6 +274,52 @@ effects:
       0);
 }
 
+// A door that falls shut about the pins of one edge, onto a needle parallel to them: the needle can
+// neither take it along nor stop it, and stays on its side of it, a radius of 1 mm from it.
+TEST(Tools, GiveWayToWhatTurnsAboutItsPins) {
+  auto engine = EngineOf(R"(
+bodies:
+  - name: door
+    kind: rigid
+    sheet: {length_m: 0.04, width_m: 0.04, columns: 2, rows: 2}
+    mass_kg: 0.1
+    fixed: [half_space: {point_m: [-0.019, 0, 0], normal: [1, 0, 0]}]
+tools:
+  - name: needle
+    needle: {length_m: 0.12, radius_m: 0.001}
+    position_m: [0, -0.06, -0.02]
+    orientation_wxyz: [0.70710678118654752, -0.70710678118654752, 0, 0]
+effects:
+  - uniform_gravity: {}
+  - virtual_adhesive: {capture_distance_m: 0.001}
+)");
+  const Model& model = engine->model();
+  const Vec3 start_m = engine->state().tools[0].pose.position_m;
+  int hinge = -1, free = -1;
+  for (int p = 0; p < model.particle_count(); ++p) (model.fixed[p] ? hinge : free) = p;
+  ASSERT_GE(hinge, 0);
+  ASSERT_GE(free, 0);
+  double nearest_m = 1, pushed_m = 0;
+  std::uint32_t bits = 0, flags = 0;
+  for (int step = 0; step < 100; ++step) {
+    bits |= engine->Step({}).bits;
+    const State& state = engine->state();
+    const ToolState& tool = state.tools[0];
+    flags |= tool.flags;
+    // Both lie along y: seen from there, a point and a line.
+    Vec3 along = state.position_m[free] - state.position_m[hinge];
+    along.y() = 0;
+    const Vec3 below = Vec3::UnitY().cross(along).normalized();
+    nearest_m = std::min(nearest_m, below.dot(tool.pose.position_m - state.position_m[hinge]));
+    pushed_m = std::max(pushed_m, (tool.pose.position_m - start_m).norm());
+  }
+  EXPECT_GT(pushed_m, 0.005);
+  EXPECT_GT(nearest_m, 0.001);
+  EXPECT_TRUE(flags & kToolObstructed);
+  EXPECT_EQ(bits, 0u);
+  EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+}
+
 // 50 g at 2 m/s that meet 0.5 kg, by 2 mm a step: where it starts decides whether it is near enough
 // to catch before a step, or is caught by the look at where the step would lead.
 TEST(Tools, AreSlowedByWhatTheyCatchWheneverTheyCatchIt) {

@@ -180,10 +180,11 @@ TEST(Torture, DrawsScenesThatLoad) {
 // heavier than itself is slowed (29, 49); a tool's trial step is looked at (43); a stiff body turns
 // on arcs (71); what a tool holds is not driven through another tool (131, 220); a tool that an
 // impact made too fast is braked by its coupling alone (367); what is caught and let go in one step
-// counts (465).
+// counts (465); tools give way to what they cannot take along (763, 959).
 TEST(Torture, StaysMended) {
   if (kSanitized) GTEST_SKIP() << "the release build runs them";
-  for (const int seed : {4, 17, 29, 38, 43, 49, 71, 88, 95, 220, 367, 465, 902, 1267, 1677}) {
+  for (const int seed :
+       {4, 17, 29, 38, 43, 49, 71, 88, 95, 220, 367, 465, 763, 902, 959, 1267, 1677}) {
     const StressResult result = RunTorture(seed, kTortureS);
     EXPECT_EQ(result.outcome, StressOutcome::kSurvived) << seed << ": " << result.cause;
   }
