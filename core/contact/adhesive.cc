@@ -224,6 +224,14 @@ bool Adhesive::HeldBy(int tool, int particle, const Contacts& contacts) const {
   });
 }
 
+bool Adhesive::HeldAgainst(const NearTool& near, const Contacts& contacts) const {
+  return ACornerIs(near, [&](int p) { return HeldAgainst(near.tool, p, contacts); });
+}
+
+bool Adhesive::HeldBy(int tool, const NearTool& near, const Contacts& contacts) const {
+  return ACornerIs(near, [&](int p) { return HeldBy(tool, p, contacts); });
+}
+
 // With the members that may be: of some weight, not held against the tool, and not released from
 // it.
 Bond Adhesive::BondOf(const NearTool& near, const State& state, const Contacts& contacts) const {

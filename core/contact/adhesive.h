@@ -118,6 +118,9 @@ class Adhesive {
   bool HeldAgainst(int tool, int particle, const Contacts& contacts) const;
   // True when the tool moves the particle: it, or something that carries it, is in the tool's zone.
   bool HeldBy(int tool, int particle, const Contacts& contacts) const;
+  // The same of the triangle: of a corner of some weight.
+  bool HeldAgainst(const NearTool& near, const Contacts& contacts) const;
+  bool HeldBy(int tool, const NearTool& near, const Contacts& contacts) const;
 
   // Ties what sticks by ties and is not tied yet, where it is now. After every change of bonds.
   void Tie(std::span<const Vec3> position_m, Contacts* contacts) const;
@@ -155,6 +158,14 @@ class Adhesive {
     const CarriedParticle* c = carried_.Find(particle);
     for (int k = 0; c && k < 4; ++k) {
       if (c->weights[k] != 0 && is(c->carriers[k])) return true;
+    }
+    return false;
+  }
+  // Whether a corner that has some weight is.
+  template <typename Is>
+  bool ACornerIs(const NearTool& near, const Is& is) const {
+    for (int k = 0; k < 3; ++k) {
+      if (near.weights(k) > kMinWeight && is(model_.triangles[near.triangle][k])) return true;
     }
     return false;
   }

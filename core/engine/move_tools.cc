@@ -120,17 +120,15 @@ Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
   ToolState& tool = state_.tools[t];
   for (const Adhesive::NearTool& near : near_tools_) {
     if (near.gap_m >= model_->adhesive->capture_distance_m) continue;
-    const Vec3 ahead = near.tool == t ? near.normal : Vec3(-near.normal);
-    const Triangle& tri = model_->triangles[near.triangle];
-    Vec3 point = Vec3::Zero();
-    bool held = false;
-    for (int k = 0; k < 3; ++k) {
-      point += near.weights(k) * state_.position_m[tri[k]];
-      held = held || (near.weights(k) > Adhesive::kMinWeight &&
-                      (near.tool == t ? adhesive_->HeldAgainst(t, tri[k], state_.contacts)
-                                      : adhesive_->HeldBy(t, tri[k], state_.contacts)));
+    if (near.tool == t ? !adhesive_->HeldAgainst(near, state_.contacts)
+                       : !adhesive_->HeldBy(t, near, state_.contacts)) {
+      continue;
     }
-    if (!held) continue;
+    const Vec3 ahead = near.tool == t ? near.normal : Vec3(-near.normal);
+    Vec3 point = Vec3::Zero();
+    for (int k = 0; k < 3; ++k) {
+      point += near.weights(k) * state_.position_m[model_->triangles[near.triangle][k]];
+    }
     const double into = ahead.dot(twist.linear_m_s);
     if (into > 0) {
       twist.linear_m_s -= into * ahead;
@@ -151,19 +149,9 @@ bool Pipeline::GiveWay(double dt_s) {
   for (const Adhesive::NearTool& near : near_tools_) {
     const double nearer_m =
         adhesive_->ComesNearer(near, state_, solver_->moved_position_m(), tool_pose_[near.tool]);
-    if (nearer_m == 0) continue;
-    double others = 0;  // how much of the point does not go with the tool
-    bool held = false;
-    for (int k = 0; k < 3; ++k) {
-      const int p = model_->triangles[near.triangle][k];
-      if (!adhesive_->HeldBy(near.tool, p, state_.contacts)) others += near.weights(k);
-      held = held || (near.weights(k) > Adhesive::kMinWeight &&
-                      adhesive_->HeldAgainst(near.tool, p, state_.contacts));
-    }
-    if (!held) continue;
-    Twist& twist = tool_twist_[near.tool];
-    twist.linear_m_s -= nearer_m / (std::max(others, Adhesive::kMinWeight) * dt_s) * near.normal;
-    tool_pose_[near.tool] = Advance(state_.tools[near.tool].pose, twist, dt_s);
+    if (nearer_m == 0 || !adhesive_->HeldAgainst(near, state_.contacts)) continue;
+    tool_twist_[near.tool].linear_m_s -= nearer_m / dt_s * near.normal;
+    tool_pose_[near.tool] = Advance(state_.tools[near.tool].pose, tool_twist_[near.tool], dt_s);
     state_.tools[near.tool].flags |= kToolObstructed;
     any = true;
   }
