@@ -1,3 +1,4 @@
+#include <absl/strings/str_replace.h>
 #include <gtest/gtest.h>
 
 #include "core/contact/adhesive.h"
@@ -274,10 +275,8 @@ effects:
       0);
 }
 
-// A door that falls shut about the pins of one edge, onto a needle parallel to them: the needle can
-// neither take it along nor stop it, and stays on its side of it, a radius of 1 mm from it.
-TEST(Tools, GiveWayToWhatTurnsAboutItsPins) {
-  auto engine = EngineOf(R"(
+// A door that falls shut about the pins of one edge, onto a needle parallel to them.
+constexpr char kDoor[] = R"(
 bodies:
   - name: door
     kind: rigid
@@ -292,7 +291,11 @@ tools:
 effects:
   - uniform_gravity: {}
   - virtual_adhesive: {capture_distance_m: 0.001}
-)");
+)";
+
+// The needle can neither take it along nor stop it, and stays on its side of it, a radius away.
+TEST(Tools, GiveWayToWhatTurnsAboutItsPins) {
+  auto engine = EngineOf(kDoor);
   const Model& model = engine->model();
   const Vec3 start_m = engine->state().tools[0].pose.position_m;
   int hinge = -1, free = -1;
@@ -318,6 +321,26 @@ effects:
   EXPECT_TRUE(flags & kToolObstructed);
   EXPECT_EQ(bits, 0u);
   EXPECT_LE(IdentityError(engine->state().ledger), 1e-9);
+}
+
+// Not through a wall 6 mm behind it, beside the door.
+TEST(Tools, GiveWayAsFarAsThereIsRoom) {
+  auto engine = EngineOf(absl::StrReplaceAll(kDoor, {{"tools:", R"(
+  - name: wall
+    kind: rigid
+    sheet: {length_m: 0.06, width_m: 0.02, columns: 2, rows: 2}
+    mass_kg: 1
+    position_m: [-0.006, 0.04, -0.04]
+    rotation_deg: [0, 90, 0]
+    fixed: [all: true]
+tools:)"}}));
+  double furthest_m = 1;
+  for (int step = 0; step < 100; ++step) {
+    engine->Step({});
+    furthest_m = std::min(furthest_m, engine->state().tools[0].pose.position_m.x());
+  }
+  EXPECT_LT(furthest_m, -0.004);
+  EXPECT_GT(furthest_m, -0.006 + 0.001);
 }
 
 // 50 g at 2 m/s that meet 0.5 kg, by 2 mm a step: where it starts decides whether it is near enough
