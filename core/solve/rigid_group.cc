@@ -16,6 +16,10 @@ constexpr double kLine = 1e-6;                 // of an inertia, where all axes 
 constexpr double kOnAxis = 1e-6;               // rad
 constexpr double kAnglePerSubRotation = 0.25;  // rad; Newton then converges in 3 to 5 iterations
 constexpr int kMaxSubRotations = 64;
+// Of the angular momentum, that Newton may leave: rounding leaves 1e-10 of a thin zone's. Where it
+// leaves more, smaller angles help: a zone of particles on a line, which spins 200 times as fast as
+// it tumbles, gained four times its energy.
+constexpr double kMet = 1e-9;
 
 // `about(axis)`: the moment of inertia about an axis, summed anew from the particles. A small
 // eigenvalue has lost its digits in the matrix: near a line, a wrong one would break the
@@ -35,22 +39,25 @@ Mat3 PseudoInverse(const Mat3& inertia, const About& about) {
   return inverse;
 }
 
-// One step of implicit midpoint for Pi' = Pi x I^-1 Pi; returns the midpoint's angular velocity.
-Vec3 MidpointAngularVelocity(const Mat3& inverse_inertia, double dt_s, Vec3* pi) {
+// One step of implicit midpoint for Pi' = Pi x I^-1 Pi, and the midpoint's angular velocity. False
+// where Newton has not found it.
+bool StepMidpoint(const Mat3& inverse_inertia, double dt_s, Vec3* pi, Vec3* omega) {
   const Vec3 start = *pi;
   Vec3 end = start;
-  Vec3 omega = inverse_inertia * start;
+  double left_sq = 0;
   for (int iteration = 0; iteration < 16; ++iteration) {
     const Vec3 middle = 0.5 * (start + end);
-    omega = inverse_inertia * middle;
-    const Vec3 residual = end - start - dt_s * middle.cross(omega);
-    if (residual.squaredNorm() <= 1e-32 * start.squaredNorm()) break;
-    const Mat3 jacobian = Mat3::Identity() -
-                          0.5 * dt_s * (CrossMatrix(middle) * inverse_inertia - CrossMatrix(omega));
+    *omega = inverse_inertia * middle;
+    const Vec3 residual = end - start - dt_s * middle.cross(*omega);
+    left_sq = residual.squaredNorm();
+    if (left_sq <= 1e-32 * start.squaredNorm()) break;
+    const Mat3 jacobian =
+        Mat3::Identity() -
+        0.5 * dt_s * (CrossMatrix(middle) * inverse_inertia - CrossMatrix(*omega));
     end -= jacobian.inverse() * residual;
   }
   *pi = end;
-  return omega;
+  return left_sq <= kMet * kMet * start.squaredNorm();
 }
 
 }  // namespace
@@ -191,13 +198,18 @@ void RigidGroup::Move(double dt_s) {
   }
   // Body frame: the axes of the world at the start of the step.
   const double angle = dt_s * twist.angular_rad_s.norm();
-  const int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1,
-                               kMaxSubRotations);
-  Vec3 pi = angular_momentum;
-  Quat turned = Quat::Identity();
-  for (int k = 0; k < parts; ++k) {
-    turned = turned * RotationStep(MidpointAngularVelocity(inverse_inertia, dt_s / parts, &pi),
-                                   dt_s / parts);
+  int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1,
+                         kMaxSubRotations);
+  Quat turned;
+  for (bool met = false; !met; parts = 4 * parts) {
+    met = true;
+    turned = Quat::Identity();
+    Vec3 pi = angular_momentum, omega;
+    for (int k = 0; k < parts; ++k) {
+      met = StepMidpoint(inverse_inertia, dt_s / parts, &pi, &omega) && met;
+      turned = turned * RotationStep(omega, dt_s / parts);
+    }
+    met = met || parts >= kMaxSubRotations;
   }
   rotation = turned.normalized().toRotationMatrix();
   end_angular_rad_s = rotation * (inverse_inertia * (rotation.transpose() * angular_momentum));
