@@ -1,9 +1,17 @@
 // The part of a sub-step in which tools move: to where their couplings pull them, against the
 // tissue that they hold, as far as nothing is in the way.
 
+#include <Eigen/Cholesky>
+
 #include "core/engine/pipeline.h"
 
 namespace adhesim {
+namespace {
+
+constexpr int kNotIntoSweeps = 16;  // over the points in the way; then the tool stops altogether
+constexpr double kNotInto = 1e-6;   // of its speed
+
+}  // namespace
 
 // Once for every set of zones that a sub-step tries: a tool that was moved with what it then let
 // go, or without what its tissue then stuck to, would be driven on against forces that it never
@@ -114,32 +122,43 @@ bool Pipeline::MoveWithTissue(double dt_s) {
   return true;
 }
 
-// The twist without the part that drives the tool into tissue which it cannot take along, or what
-// it holds into another tool.
-Twist Pipeline::NotIntoHeldTissue(int t, Twist twist) {
+// The twist without what drives the tool into tissue which it cannot take along, or what it holds
+// into another tool: each point that is in the way gives an impulse there, along the normal, to the
+// tool and what it carries. To stop it from turning, too, would be a torque that nothing exerts.
+Twist Pipeline::NotIntoHeldTissue(int t, const Twist& aim) {
+  if (near_tools_.empty()) return aim;
   ToolState& tool = state_.tools[t];
-  for (const Adhesive::NearTool& near : near_tools_) {
-    if (near.gap_m >= model_->adhesive->capture_distance_m) continue;
-    if (near.tool == t ? !adhesive_->HeldAgainst(near, state_.contacts)
-                       : !adhesive_->HeldBy(t, near, state_.contacts)) {
-      continue;
-    }
-    const Vec3 ahead = near.tool == t ? near.normal : Vec3(-near.normal);
-    Vec3 point = Vec3::Zero();
-    for (int k = 0; k < 3; ++k) {
-      point += near.weights(k) * state_.position_m[model_->triangles[near.triangle][k]];
-    }
-    const double into = ahead.dot(twist.linear_m_s);
-    if (into > 0) {
-      twist.linear_m_s -= into * ahead;
+  Vec6 twist;
+  twist << aim.linear_m_s, aim.angular_rad_s;
+  const double nothing_m_s =
+      kNotInto * (aim.linear_m_s.norm() + kSpeedRadius * aim.angular_rad_s.norm());
+  const Eigen::LDLT<Mat6> inertia(ToolInertia(model_->tools[t], tool.pose) + CarriedInertia(t));
+  for (int sweep = 0;; ++sweep) {
+    bool stopped = false;
+    for (const Adhesive::NearTool& near : near_tools_) {
+      if (near.gap_m >= model_->adhesive->capture_distance_m) continue;
+      if (near.tool == t ? !adhesive_->HeldAgainst(near, state_.contacts)
+                         : !adhesive_->HeldBy(t, near, state_.contacts)) {
+        continue;
+      }
+      const Vec3 ahead = near.tool == t ? near.normal : Vec3(-near.normal);
+      Vec3 point = Vec3::Zero();
+      for (int k = 0; k < 3; ++k) {
+        point += near.weights(k) * state_.position_m[model_->triangles[near.triangle][k]];
+      }
+      Vec6 along;
+      along << ahead, (point - tool.pose.position_m).cross(ahead);
+      const double into = along.dot(twist);
+      if (!(into > nothing_m_s)) continue;
+      stopped = true;
+      const Vec6 answer = inertia.solve(along);
+      twist -= into / along.dot(answer) * answer;
       tool.flags |= kToolObstructed;
     }
-    if (ahead.dot(twist.angular_rad_s.cross(point - tool.pose.position_m)) > 0) {
-      twist.angular_rad_s.setZero();
-      tool.flags |= kToolObstructed;
-    }
+    if (!stopped) break;
+    if (sweep == kNotIntoSweeps) return {};
   }
-  return twist;
+  return {twist.head<3>(), twist.tail<3>()};
 }
 
 // Tissue that a tool cannot take along does not stand still for that: it turns about its pins, or

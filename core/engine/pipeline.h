@@ -140,7 +140,7 @@ class Pipeline : public Engine {
   bool MoveWithTissue(double dt_s);
   void BoundToolForces(double dt_s);
   Twist Unobstructed(int tool, Twist twist, double dt_s);
-  Twist NotIntoHeldTissue(int tool, Twist twist);
+  Twist NotIntoHeldTissue(int tool, const Twist& aim);
   bool GiveWay(double dt_s);
   void KeepToolsApart(double dt_s);
   bool Solve(double dt_s);

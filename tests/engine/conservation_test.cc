@@ -149,8 +149,8 @@ effects:
   EXPECT_LT(drift, 1e-3);
 }
 
-// A sheet that swings at 1.5 m/s while contact looks at half a millimetre: a number of sub-steps
-// that follows its speed swings with it, and took 47 % of its energy within a second.
+// The free edge of a sheet swings at 1.5 m/s while contact looks at half a millimetre: a number of
+// sub-steps that follows its speed swings with it, and took 47 % of its energy within a second.
 TEST(KeptEnergy, IsKeptWhereSpeedAsksForMoreSubsteps) {
   auto engine = EngineOf(R"(
 rate_hz: 500

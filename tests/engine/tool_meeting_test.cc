@@ -265,5 +265,38 @@ effects:
   }
 }
 
+// A shaft that leans on an edge h above its tip turns about it: what its coupling pulls with at the
+// tip, k (d - h a) with d what is left of its way where it is stopped, has the arm h about the
+// edge, and the coupling's torque c a resists.
+TEST(Tools, TurnAboutWhatStopsThem) {
+  constexpr double kStiffness = 300, kTurning = 1, kHeight = 0.08;
+  constexpr double kStopped = 0.0005, kLeft = 0.01 - kStopped;  // gap less capture distance
+  auto engine = EngineOf(R"(
+rate_hz: 1000
+bodies:
+  - name: edge
+    block: {size_m: [0.02, 0.02, 0.02], cells: 4}
+    mass_kg: 1
+    position_m: [0.012, 0, 0.09]
+    fixed: [half_space: {point_m: [0.021, 0, 0], normal: [1, 0, 0]}]
+tools:
+  - name: needle
+    needle: {length_m: 0.12, radius_m: 0.001}
+    position_m: [0, 0, 0]
+    coupling: {stiffness_n_m: 300, angular_stiffness_nm_rad: 1, max_force_n: 20, max_torque_nm: 2}
+    trajectory:
+      - {t_s: 0, position_m: [0, 0, 0]}
+      - {t_s: 0.2, position_m: [0.01, 0, 0]}
+effects:
+  - virtual_adhesive: {capture_distance_m: 0.0005}
+)");
+  StepMany(engine.get(), 1000);
+  const ToolState& tool = engine->state().tools[0];
+  const double angle = kStiffness * kHeight * kLeft / (kTurning + kStiffness * kHeight * kHeight);
+  EXPECT_NEAR(-2 * tool.pose.orientation.y(), angle, 0.05 * angle);
+  EXPECT_NEAR(tool.pose.position_m.x(), kStopped + kHeight * angle, 0.05 * kHeight * angle);
+  EXPECT_TRUE(tool.flags & kToolObstructed);
+}
+
 }  // namespace
 }  // namespace adhesim::test
