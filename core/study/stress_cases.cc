@@ -217,7 +217,15 @@ const StressCase kCases[] = {
      nullptr, nullptr, nullptr, true},
     {"hour", "contact", "hour", "an hour at 1 kHz", 3600, kNoRest, DoesNotCreep, nullptr, nullptr,
      nullptr, nullptr, true},
-    // Torture: random scenes that failed once; those with a reason still do.
+    {"sheet_between_tool_and_block", "tools", "sheet_between_tool_and_block",
+     "a held sheet pressed onto a block, with friction", 0.3, kNoRest, nullptr, nullptr, nullptr,
+     nullptr, nullptr, true, "force on a tool beyond what it can exert"},
+    {"hinged_plate_on_10_mg", "tools", "hinged_plate_on_10_mg", "a tool of 10 mg gives way", 0.5,
+     kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true, "giving way gives energy"},
+    {"stopped_by_many_points", "tools", "stopped_by_many_points", "a tool wedged at 60 Hz", 1.5,
+     kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true,
+     "the tool's axis passes through a triangle"},
+    // Torture: random scenes that failed once.
     {"torture_4", "torture", "torture_4", "needle, pinned sheet and ball in one zone", 2, kNoRest,
      nullptr, nullptr, nullptr, nullptr, nullptr, true},
     {"torture_9", "torture", "torture_9", "blocks of a millimetre and 4 MPa at 100 Hz", 2, kNoRest,
