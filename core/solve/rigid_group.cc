@@ -60,6 +60,18 @@ bool StepMidpoint(const Mat3& inverse_inertia, double dt_s, Vec3* pi, Vec3* omeg
   return left_sq <= kMet * kMet * start.squaredNorm();
 }
 
+// How a free body of angular momentum `pi` turns. False as StepMidpoint().
+bool TurnInParts(const Mat3& inverse_inertia, Vec3 pi, double dt_s, int parts, Quat* turned) {
+  *turned = Quat::Identity();
+  bool met = true;
+  Vec3 omega;
+  for (int k = 0; k < parts; ++k) {
+    met = StepMidpoint(inverse_inertia, dt_s / parts, &pi, &omega) && met;
+    *turned = *turned * RotationStep(omega, dt_s / parts);
+  }
+  return met;
+}
+
 }  // namespace
 
 Quat RotationStep(const Vec3& angular_rad_s, double dt_s) {
@@ -201,15 +213,9 @@ void RigidGroup::Move(double dt_s) {
   int parts = std::clamp(static_cast<int>(std::min(angle / kAnglePerSubRotation, 1e6)) + 1, 1,
                          kMaxSubRotations);
   Quat turned;
-  for (bool met = false; !met; parts = 4 * parts) {
-    met = true;
-    turned = Quat::Identity();
-    Vec3 pi = angular_momentum, omega;
-    for (int k = 0; k < parts; ++k) {
-      met = StepMidpoint(inverse_inertia, dt_s / parts, &pi, &omega) && met;
-      turned = turned * RotationStep(omega, dt_s / parts);
-    }
-    met = met || parts >= kMaxSubRotations;
+  while (!TurnInParts(inverse_inertia, angular_momentum, dt_s, parts, &turned) &&
+         parts < kMaxSubRotations) {
+    parts *= 4;
   }
   rotation = turned.normalized().toRotationMatrix();
   end_angular_rad_s = rotation * (inverse_inertia * (rotation.transpose() * angular_momentum));

@@ -180,7 +180,8 @@ TEST(Torture, DrawsScenesThatLoad) {
 // heavier than itself is slowed (29, 49); a tool's trial step is looked at (43); a stiff body turns
 // on arcs (71); what a tool holds is not driven through another tool (131, 220); a tool that an
 // impact made too fast is braked by its coupling alone (367); what is caught and let go in one step
-// counts (465); tools give way to what they cannot take along (763, 959).
+// counts (465); tools give way to what they cannot take along (763, 959);
+// obstacles in each other are no depth (902, 1267); explicit steps keep their parts (1677).
 TEST(Torture, StaysMended) {
   if (kSanitized) GTEST_SKIP() << "the release build runs them";
   for (const int seed :
