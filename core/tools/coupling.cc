@@ -104,6 +104,34 @@ bool ClipWrench(const CouplingParameters& parameters, Vec6* wrench) {
   return Clip(parameters.max_torque_nm, wrench->tail<3>()) || force_clipped;
 }
 
+// The wrench that takes a tool from `velocity` to `aim` against `pull`, within the limits. Where
+// its force is clipped its torque still leads where it should, and the other way round; where both
+// would have to be, it is scaled as a whole. Clipped each by itself they need not belong to any
+// motion in between: they would spin a light tool about the tissue that it carries.
+bool LimitedWrench(const CouplingParameters& parameters, const Mat6& inertia, const Vec6& change,
+                   const Vec6& pull, double dt_s, Vec6* wrench) {
+  *wrench = inertia * change / dt_s - pull;
+  const double limit[] = {parameters.max_force_n, parameters.max_torque_nm};
+  double share[2];
+  for (int part = 0; part < 2; ++part) {
+    share[part] = limit[part] / wrench->segment<3>(3 * part).norm();
+  }
+  if (!(share[0] < 1) && !(share[1] < 1)) return false;
+  const int clipped = share[0] < share[1] ? 0 : 1, other = 1 - clipped;
+  const Mat6 mobility = inertia.inverse();
+  Vec6 limited = *wrench;
+  limited.segment<3>(3 * clipped) *= share[clipped];
+  const Vec3 given = mobility.block<3, 3>(3 * other, 3 * clipped) *
+                     (limited.segment<3>(3 * clipped) + pull.segment<3>(3 * clipped));
+  limited.segment<3>(3 * other) = mobility.block<3, 3>(3 * other, 3 * other)
+                                      .ldlt()
+                                      .solve(change.segment<3>(3 * other) / dt_s - given) -
+                                  pull.segment<3>(3 * other);
+  if (limited.segment<3>(3 * other).norm() > limit[other]) limited = share[clipped] * *wrench;
+  *wrench = limited;
+  return true;
+}
+
 // A tool that an impact has made faster than the limit is slowed down by its coupling, within
 // max_force_n, and by nothing else: to cut its speed would be an impulse that nothing exerts.
 double SpeedLimit(const CouplingParameters& parameters, const Vec6& before) {
@@ -157,11 +185,10 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
 
   // 2. The wrench that takes it there, limited, and what that makes of the velocity. Without limits
   // this is the spring's and damper's wrench at the end of the step.
-  Vec6 wrench = inertia * (aim - velocity) / dt_s - pull;
-  result.force_limited = ClipWrench(parameters, &wrench);
+  Vec6 wrench;
+  result.force_limited = LimitedWrench(parameters, inertia, aim - velocity, pull, dt_s, &wrench);
   Vec6 next = aim;
   if (result.force_limited) next = velocity + dt_s * inertia.ldlt().solve(wrench + pull);
-  if (ClipSpeed(SpeedLimit(parameters, velocity), &next)) result.speed_limited = true;
 
   result.twist = {next.head<3>(), next.tail<3>()};
   result.wrench = {wrench.head<3>(), wrench.tail<3>()};

@@ -17,7 +17,8 @@ struct CouplingResult {
 // second; the tool's own mass plus that of the tissue it carries) pulled by a critically damped
 // spring towards `target` and by `applied` (the forces on the tissue it carries, about the tip),
 // integrated by backward Euler over dt_s: stable for any stiffness. The spring's force and torque
-// are clipped to the parameters' limits, and so is the tool's speed where it was within them.
+// are clipped to the parameters' limits, and so is the speed that they aim at; what the tissue's
+// forces make of it is not cut, since nothing would exert that.
 CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& pose,
                             const Twist& twist, const Pose& target, const Mat6& inertia,
                             const Wrench& applied, double dt_s);
