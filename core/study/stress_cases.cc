@@ -219,7 +219,7 @@ const StressCase kCases[] = {
      nullptr, nullptr, true},
     {"sheet_between_tool_and_block", "tools", "sheet_between_tool_and_block",
      "a held sheet pressed onto a block, with friction", 0.3, kNoRest, nullptr, nullptr, nullptr,
-     nullptr, nullptr, true},
+     nullptr, nullptr, true, "force on a tool beyond what it can exert"},
     {"hinged_plate_on_10_mg", "tools", "hinged_plate_on_10_mg", "a tool of 10 mg gives way", 0.5,
      kNoRest, nullptr, nullptr, nullptr, nullptr, nullptr, true},
     {"stopped_by_many_points", "tools", "stopped_by_many_points", "a tool wedged at 60 Hz", 1.5,

@@ -22,17 +22,23 @@ Vec6 Stack(const Vec3& linear, const Vec3& angular) {
 // K^-1/2 (eigenvalues l, the squared time constants) the equations part, and each has the closed
 // form
 //   v' = (l v + dt (f + e)) / (sqrt(l) + dt)^2.
-Vec6 SpringVelocity(const Mat6& inertia, const Vec6& root_stiffness, const Vec6& error,
-                    const Vec6& velocity, const Vec6& applied, double dt) {
-  const Vec6 inverse_root = root_stiffness.cwiseInverse();
-  const Mat6 scaled = inverse_root.asDiagonal() * inertia * inverse_root.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Mat6> modes(scaled);
-  const Mat6& u = modes.eigenvectors();
-  const Vec6 v = u.transpose() * root_stiffness.cwiseProduct(velocity);
-  const Vec6 pull =
+template <int N>
+Eigen::Vector<double, N> SpringVelocity(const Eigen::Matrix<double, N, N>& inertia,
+                                        const Eigen::Vector<double, N>& root_stiffness,
+                                        const Eigen::Vector<double, N>& error,
+                                        const Eigen::Vector<double, N>& velocity,
+                                        const Eigen::Vector<double, N>& applied, double dt) {
+  using Vec = Eigen::Vector<double, N>;
+  const Vec inverse_root = root_stiffness.cwiseInverse();
+  const Eigen::Matrix<double, N, N> scaled =
+      inverse_root.asDiagonal() * inertia * inverse_root.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, N, N>> modes(scaled);
+  const auto& u = modes.eigenvectors();
+  const Vec v = u.transpose() * root_stiffness.cwiseProduct(velocity);
+  const Vec pull =
       u.transpose() * (root_stiffness.cwiseProduct(error) + inverse_root.cwiseProduct(applied));
-  Vec6 next;
-  for (int i = 0; i < 6; ++i) {
+  Vec next;
+  for (int i = 0; i < N; ++i) {
     const double l = std::max(modes.eigenvalues()[i], 0.0);
     const double denominator = (std::sqrt(l) + dt) * (std::sqrt(l) + dt);
     next[i] = (l * v[i] + dt * pull[i]) / denominator;
@@ -104,38 +110,45 @@ bool ClipWrench(const CouplingParameters& parameters, Vec6* wrench) {
   return Clip(parameters.max_torque_nm, wrench->tail<3>()) || force_clipped;
 }
 
-// The wrench that takes a tool from `velocity` to `aim` against `pull`, within the limits. Where
-// its force is clipped its torque still leads where it should, and the other way round; where both
-// would have to be, it is scaled as a whole. Clipped each by itself they need not belong to any
-// motion in between: they would spin a light tool about the tissue that it carries.
-bool LimitedWrench(const CouplingParameters& parameters, const Mat6& inertia, const Vec6& change,
-                   const Vec6& pull, double dt_s, Vec6* wrench) {
-  *wrench = inertia * change / dt_s - pull;
-  const double limit[] = {parameters.max_force_n, parameters.max_torque_nm};
-  double share[2];
-  for (int part = 0; part < 2; ++part) {
-    share[part] = limit[part] / wrench->segment<3>(3 * part).norm();
-  }
-  if (!(share[0] < 1) && !(share[1] < 1)) return false;
-  const int clipped = share[0] < share[1] ? 0 : 1, other = 1 - clipped;
-  const Mat6 mobility = inertia.inverse();
-  Vec6 limited = *wrench;
-  limited.segment<3>(3 * clipped) *= share[clipped];
-  const Vec3 given = mobility.block<3, 3>(3 * other, 3 * clipped) *
-                     (limited.segment<3>(3 * clipped) + pull.segment<3>(3 * clipped));
-  limited.segment<3>(3 * other) = mobility.block<3, 3>(3 * other, 3 * other)
-                                      .ldlt()
-                                      .solve(change.segment<3>(3 * other) / dt_s - given) -
-                                  pull.segment<3>(3 * other);
-  if (limited.segment<3>(3 * other).norm() > limit[other]) limited = share[clipped] * *wrench;
-  *wrench = limited;
-  return true;
-}
-
 // A tool that an impact has made faster than the limit is slowed down by its coupling, within
 // max_force_n, and by nothing else: to cut its speed would be an impulse that nothing exerts.
 double SpeedLimit(const CouplingParameters& parameters, const Vec6& before) {
   return std::max(parameters.max_speed_m_s, SpeedOf(before));
+}
+
+// What a limited coupling does: the part of `wanted` that is furthest beyond its limit is clipped,
+// and the other is found anew, as the spring that it is, of a body on which the clipped one acts.
+// Where that is clipped too, the two need not belong to any motion: they would spin a light tool
+// about the tissue that it carries. What is too fast by that is given `wanted`, scaled as a whole.
+struct Limited {
+  Vec6 wrench, velocity;
+};
+Limited LimitedStep(const CouplingParameters& parameters, const Mat6& inertia, const Vec6& error,
+                    const Vec6& velocity, const Vec6& pull, const Vec6& wanted, double dt_s) {
+  const double limit[] = {parameters.max_force_n, parameters.max_torque_nm};
+  const double share[] = {limit[0] / wanted.head<3>().norm(), limit[1] / wanted.tail<3>().norm()};
+  const int clipped = share[0] < share[1] ? 0 : 1, c = 3 * clipped, o = 3 - c;
+  const Mat6 mobility = inertia.inverse();
+  Vec6 wrench;
+  wrench.segment<3>(c) = share[clipped] * wanted.segment<3>(c);
+  const Mat3 own = mobility.block<3, 3>(o, o).inverse();
+  const Vec3 applied = pull.segment<3>(o) + own * (mobility.block<3, 3>(o, c) *
+                                                   (wrench.segment<3>(c) + pull.segment<3>(c)));
+  const Vec3 before = velocity.segment<3>(o), away = error.segment<3>(o);
+  Vec3 aim =
+      SpringVelocity<3>(own, RootStiffness(parameters).segment<3>(o), away, before, applied, dt_s);
+  Clip(o == 0 ? parameters.max_speed_m_s : parameters.max_speed_m_s / kSpeedRadius, aim);
+  LimitApproach(away, limit[1 - clipped] / (own.trace() / 3), dt_s, aim);
+  wrench.segment<3>(o) = own * (aim - before) / dt_s - applied;
+  const auto led_to = [&](const Vec6& by) -> Vec6 {
+    return velocity + dt_s * (mobility * (by + pull));
+  };
+  const bool both = Clip(limit[1 - clipped], wrench.segment<3>(o));
+  Limited found{wrench, led_to(wrench)};
+  if (!both || SpeedOf(found.velocity) <= SpeedLimit(parameters, velocity)) return found;
+  const Vec6 scaled = share[clipped] * wanted, then = led_to(scaled);
+  if (SpeedOf(then) < SpeedOf(found.velocity)) found = {scaled, then};
+  return found;
 }
 
 }  // namespace
@@ -179,19 +192,21 @@ CouplingResult FollowTarget(const CouplingParameters& parameters, const Pose& po
   // 1. The velocity that the unlimited spring leads to, then what of it the limits permit to aim
   // for.
   CouplingResult result;
-  Vec6 aim = SpringVelocity(inertia, RootStiffness(parameters), error, velocity, pull, dt_s);
+  Vec6 aim = SpringVelocity<6>(inertia, RootStiffness(parameters), error, velocity, pull, dt_s);
   result.speed_limited = ClipSpeed(parameters.max_speed_m_s, &aim);
   LimitApproaches(parameters, error, inertia, dt_s, &aim);
 
   // 2. The wrench that takes it there, limited, and what that makes of the velocity. Without limits
   // this is the spring's and damper's wrench at the end of the step.
-  Vec6 wrench;
-  result.force_limited = LimitedWrench(parameters, inertia, aim - velocity, pull, dt_s, &wrench);
-  Vec6 next = aim;
-  if (result.force_limited) next = velocity + dt_s * inertia.ldlt().solve(wrench + pull);
+  Limited step{inertia * (aim - velocity) / dt_s - pull, aim};
+  result.force_limited = step.wrench.head<3>().norm() > parameters.max_force_n ||
+                         step.wrench.tail<3>().norm() > parameters.max_torque_nm;
+  if (result.force_limited) {
+    step = LimitedStep(parameters, inertia, error, velocity, pull, step.wrench, dt_s);
+  }
 
-  result.twist = {next.head<3>(), next.tail<3>()};
-  result.wrench = {wrench.head<3>(), wrench.tail<3>()};
+  result.twist = {step.velocity.head<3>(), step.velocity.tail<3>()};
+  result.wrench = {step.wrench.head<3>(), step.wrench.tail<3>()};
   return result;
 }
 
