@@ -168,12 +168,15 @@ void AddAccuracyCommand(CLI::App& app, int* exit_code) {
   AccuracyOptions* options = &arguments->options;
   command->add_option("SCENE", arguments->scene, "Scene file (YAML or JSON)")->required();
   command->add_option("--html", arguments->html, "Writes the report, one page that stands alone")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command
       ->add_option("--svg", arguments->svg, "Writes its first diagram, a picture that stands alone")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command->add_option("--json", arguments->json, "Writes the numbers; - is the standard output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command
       ->add_option("--seconds", options->seconds,
                    "Simulated time (default: until the last trajectory ends, or 4 s)")

@@ -19,6 +19,7 @@
 #include "clients/cli/picture_source.h"
 #include "clients/cli/stop_signals.h"
 #include "clients/cli/take_pictures.h"
+#include "clients/cli/validators.h"
 #include "core/scene/body_file.h"
 #include "core/scene/did_you_mean.h"
 #include "core/scene/mesh/read_surface.h"
@@ -266,9 +267,11 @@ void AddPaperCommand(CLI::App& app, int* exit_code) {
       "FIGURE", arguments->figures,
       "Scenes of the figures to run, or `rivals`, the comparison of methods (default: all)");
   command->add_option("--html", arguments->html, "Writes the report, one page that stands alone")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command->add_option("--json", arguments->json, "Writes the numbers; - is the standard output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command->add_option("--scenes", arguments->scenes, "Directory of the paper's scenes")
       ->type_name("DIR")
       ->capture_default_str();

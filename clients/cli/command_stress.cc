@@ -13,6 +13,7 @@
 #include "clients/cli/output.h"
 #include "clients/cli/stop_signals.h"
 #include "clients/cli/stress_report.h"
+#include "clients/cli/validators.h"
 #include "core/scene/did_you_mean.h"
 #include "core/study/torture.h"
 
@@ -242,9 +243,11 @@ void AddStressCommand(CLI::App& app, int* exit_code) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   command->add_option("--html", arguments->html, "Writes the matrix, one page that stands alone")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command->add_option("--json", arguments->json, "Writes the cells; - is the standard output")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(OutputFile());
   command->add_option("--scenes", arguments->scenes, "Directory of the stress scenes")
       ->type_name("DIR")
       ->capture_default_str();

@@ -17,4 +17,14 @@ inline CLI::Validator Between(double min, double max) {
       "FLOAT in [" + permitted + "]");
 }
 
+// A file to write: an option in its place is a forgotten name, not one.
+inline CLI::Validator OutputFile() {
+  return CLI::Validator(
+      [](const std::string& text) -> std::string {
+        if (text.rfind("--", 0) != 0) return {};
+        return "'" + text + "' is not permitted (a file's name; ./" + text + " if that is one)";
+      },
+      "");
+}
+
 }  // namespace adhesim

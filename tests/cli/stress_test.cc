@@ -58,6 +58,8 @@ TEST_F(StressCommand, RefusesWhatIsNoCaseAndWhatIsNoNumber) {
   EXPECT_THAT(Read("err"), HasSubstr("no_such_case"));
   EXPECT_EQ(Run("--torture -3" + scenes_), 2);
   EXPECT_THAT(Read("err"), HasSubstr("range 1 to 1000000"));
+  EXPECT_EQ(Run("flat_tet --json --all" + scenes_), 2);
+  EXPECT_THAT(Read("err"), HasSubstr("'--all' is not permitted (a file's name"));
 }
 
 }  // namespace
