@@ -80,7 +80,7 @@ absl::Status RunCells(const Arguments& arguments, const std::vector<const Stress
       if (result.interrupted) return absl::CancelledError("interrupted");
       report->cells.push_back(CellOf(*one, variant, result, report->machine.commit));
       std::cerr << StressLine(report->cells.back()) << std::flush;
-      if (const absl::Status saved = Save(arguments, *report); !saved.ok()) return saved;
+      if (absl::Status saved = Save(arguments, *report); !saved.ok()) return saved;
     }
   }
   return absl::OkStatus();
@@ -118,7 +118,7 @@ absl::Status RunTortures(const Arguments& arguments, int scenes, StressReport* r
     if (result.outcome == StressOutcome::kRefused) ++torture.refused;
     if (result.outcome != StressOutcome::kFailed) continue;
     const std::string file = absl::StrCat(arguments.failures, "/torture-", seed, ".yaml");
-    if (const absl::Status s = WriteStressFile(file, TortureScene(seed)); !s.ok()) return s;
+    if (absl::Status s = WriteStressFile(file, TortureScene(seed)); !s.ok()) return s;
     torture.failures.push_back({seed, result.cause, file});
     std::cerr << absl::StrFormat("failed    seed %d: %s (%s, %.3g s)\n", seed, result.cause, file,
                                  TortureSeconds(seed))
