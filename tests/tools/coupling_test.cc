@@ -394,7 +394,7 @@ TEST(Coupling, BrakesAToolThatAnImpactMadeTooFastByNoMoreThanItsForce) {
 
 // A needle of 10 mg that carries 10 g at a lever is spun by the least torque. It gets what coupling
 // and tissue give, to all digits, whatever its limits; and without tissue's forces it is hardly
-// faster than it was or may aim to be (1.17 times, where the torque makes up for a clipped force).
+// faster than it was or may aim to be, where each part clipped by itself would spin it.
 TEST(Coupling, LimitsTakeNoMomentumFromWhatIsCarried) {
   Numbers numbers;
   int limited = 0;
