@@ -44,14 +44,14 @@ absl::Status CheckAllWritable(const Arguments& arguments) {
 
 absl::Status Write(const Arguments& arguments, const AccuracyReport& report) {
   if (!arguments.html.empty()) {
-    const absl::Status written = WriteTextFile(arguments.html, AccuracyPage(report));
+    absl::Status written = WriteTextFile(arguments.html, AccuracyPage(report));
     if (!written.ok()) return written;
     std::cerr << "the page: " << arguments.html << "\n";
   }
   if (!arguments.svg.empty()) {
     const absl::StatusOr<std::string> picture = AccuracyPicture(report);
     if (!picture.ok()) return picture.status();
-    if (const absl::Status s = WriteTextFile(arguments.svg, *picture); !s.ok()) return s;
+    if (absl::Status s = WriteTextFile(arguments.svg, *picture); !s.ok()) return s;
     std::cerr << "the picture: " << arguments.svg << "\n";
   }
   if (arguments.json == "-") {
@@ -61,7 +61,7 @@ absl::Status Write(const Arguments& arguments, const AccuracyReport& report) {
   if (!arguments.json.empty()) {
     const std::string text =
         AccuracyJson(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-    if (const absl::Status s = WriteTextFile(arguments.json, text); !s.ok()) return s;
+    if (absl::Status s = WriteTextFile(arguments.json, text); !s.ok()) return s;
   }
   std::cout << AccuracyText(report) << std::flush;
   return absl::OkStatus();
@@ -96,7 +96,9 @@ ExitCode Apply(const SceneFile& file, const AccuracyStudy& study, bool own_setti
     return kExitCheckFailed;
   }
   if (*text == file.text) {
-    std::cerr << file.file << " has what is recommended already\n";
+    std::cerr << file.file
+              << (own_setting ? " has what its rungs cost already\n"
+                              : " has what is recommended already\n");
     return kExitOk;
   }
   if (const absl::Status written = WriteTextFile(file.file, *text); !written.ok())

@@ -146,11 +146,11 @@ absl::Status RunFigure(const Arguments& arguments, const std::string& directory,
   const absl::StatusOr<std::unique_ptr<InstantWriter>> writer =
       InstantWriter::Open(recording, **engine);
   if (!writer.ok()) return writer.status();
-  if (const absl::Status measured = Measure(arguments, engine->get(), writer->get(), report);
+  if (absl::Status measured = Measure(arguments, engine->get(), writer->get(), report);
       !measured.ok()) {
     return measured;
   }
-  const absl::Status taken = Photograph(arguments, recording, report);
+  absl::Status taken = Photograph(arguments, recording, report);
   if (taken.ok() || absl::IsCancelled(taken)) return taken;
   // The numbers stand without them.
   *no_pictures = absl::StrCat("none from ", std::string(figure.scene), " on; ", taken.message());
@@ -184,7 +184,7 @@ absl::Status RunRivals(const Arguments& arguments, PaperReport* report) {
     RivalResult& result = report->rivals.emplace_back();
     result.rival = &rival;
     for (const int rate_hz : RivalRatesHz()) {
-      if (const absl::Status s = RunRival(arguments, rival, rate_hz, &result); !s.ok()) return s;
+      if (absl::Status s = RunRival(arguments, rival, rate_hz, &result); !s.ok()) return s;
     }
   }
   report->rival_claims = JudgeRivals(report->rivals);
@@ -193,7 +193,7 @@ absl::Status RunRivals(const Arguments& arguments, PaperReport* report) {
 
 absl::Status Write(const Arguments& arguments, const PaperReport& report) {
   if (!arguments.html.empty()) {
-    if (const absl::Status s = WriteTextFile(arguments.html, PaperPage(report)); !s.ok()) return s;
+    if (absl::Status s = WriteTextFile(arguments.html, PaperPage(report)); !s.ok()) return s;
     std::cerr << "the page: " << arguments.html << "\n";
   }
   if (arguments.json == "-") {
@@ -203,7 +203,7 @@ absl::Status Write(const Arguments& arguments, const PaperReport& report) {
   if (!arguments.json.empty()) {
     const std::string text =
         PaperJson(report).dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
-    if (const absl::Status s = WriteTextFile(arguments.json, text); !s.ok()) return s;
+    if (absl::Status s = WriteTextFile(arguments.json, text); !s.ok()) return s;
   }
   std::cout << PaperText(report) << std::flush;
   return absl::OkStatus();

@@ -148,11 +148,22 @@ void List() {
   }
 }
 
+// Before minutes of cells, not after them. Files are replaced as a whole, by one beside them.
+absl::Status CheckOutputs(const Arguments& arguments, bool tortures) {
+  for (const std::string& path : {arguments.html, arguments.json}) {
+    if (path.empty() || path == "-") continue;
+    if (absl::Status s = CheckReplaceable(path); !s.ok()) return s;
+  }
+  return tortures ? CheckReplaceable(arguments.failures + "/torture.yaml") : absl::OkStatus();
+}
+
 std::string Closing(const StressReport& report) {
-  std::string text =
-      absl::StrCat(report.cells.size(), " cells: ", report.Count("survived"), " survived, ",
-                   report.Count("refused"), " refused when loaded, ", report.Count("frozen"),
-                   " frozen with a cause, ", report.Count("failed"), " failed\n");
+  std::string text;
+  if (!report.cells.empty()) {
+    absl::StrAppend(&text, report.cells.size(), " cells: ", report.Count("survived"), " survived, ",
+                    report.Count("refused"), " refused when loaded, ", report.Count("frozen"),
+                    " frozen with a cause, ", report.Count("failed"), " failed\n");
+  }
   for (const BulletVariant& variant : kBulletVariants) {
     const int survived = report.CountBullet(variant.name, "survived");
     const int failed = report.CountBullet(variant.name, "failed");
@@ -185,12 +196,16 @@ ExitCode Stress(const Arguments& arguments) {
                  "directory of the stress scenes\n";
     return kExitBadInput;
   }
+  const bool everything = arguments.all && arguments.cases.empty();
+  const int tortures = arguments.torture > 0 ? arguments.torture : everything ? kAllTorture : 0;
+  if (const absl::Status s = CheckOutputs(arguments, tortures > 0); !s.ok()) {
+    std::cerr << "error: " << s.message() << "\n";
+    return kExitBadInput;
+  }
   StopOnSignals();
   StressReport report;
   report.machine = DescribeMachine();
   if (!TakeUp(arguments, &report)) return kExitBadInput;
-  const bool everything = arguments.all && arguments.cases.empty();
-  const int tortures = arguments.torture > 0 ? arguments.torture : everything ? kAllTorture : 0;
   absl::Status status;
   // Torture alone, unless cases are asked for too.
   if (arguments.torture == 0 || arguments.all || !arguments.cases.empty()) {

@@ -1,5 +1,6 @@
 // The program `adhesim`: every command, the service and the clients in one binary.
 
+#include <algorithm>
 #include <exception>
 #include <iostream>
 #include <string>
@@ -11,22 +12,40 @@
 namespace adhesim {
 namespace {
 
-// " (did you mean 'run'?)" when the first word that is no command of its level resembles one;
-// otherwise empty.
-std::string SuggestCommand(const CLI::App& app, int argc, char** argv) {
+struct Hint {
+  std::string suggestion;  // " (did you mean 'run'?)", or empty
+  std::string help;        // the command whose --help says more: "adhesim scene"
+};
+
+// What was meant by the first word that is neither a command of its level nor one of its options.
+Hint HintFor(const CLI::App& app, int argc, char** argv) {
+  Hint hint{"", app.get_name()};
   const CLI::App* level = &app;
-  for (int i = 1; i < argc; ++i) {
+  for (int i = 1; i < argc && hint.suggestion.empty(); ++i) {
     const std::string word = argv[i];
     std::vector<std::string> names;
+    if (word.rfind("--", 0) == 0) {
+      for (const CLI::Option* option : level->get_options()) {
+        for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+      }
+      const std::string name = word.substr(0, word.find('='));
+      if (std::find(names.begin(), names.end(), name) == names.end())
+        hint.suggestion = DidYouMean(name, names);
+      continue;
+    }
     const CLI::App* next = nullptr;
     for (const CLI::App* command : level->get_subcommands([](const CLI::App*) { return true; })) {
       names.push_back(command->get_name());
       if (command->get_name() == word) next = command;
     }
-    if (next == nullptr) return word.empty() || word[0] == '-' ? "" : DidYouMean(word, names);
-    level = next;
+    if (next != nullptr) {
+      level = next;
+      hint.help += " " + word;
+    } else if (!word.empty() && word[0] != '-') {
+      hint.suggestion = DidYouMean(word, names);
+    }
   }
-  return "";
+  return hint;
 }
 
 int Main(int argc, char** argv) {
@@ -52,8 +71,9 @@ int Main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     // --help and --version end here too, with 0.
     if (error.get_exit_code() == 0) return app.exit(error);
-    std::cerr << "error: " << error.what() << SuggestCommand(app, argc, argv)
-              << "\nSee adhesim --help.\n";
+    const Hint hint = HintFor(app, argc, argv);
+    std::cerr << "error: " << error.what() << hint.suggestion << "\nSee " << hint.help
+              << " --help.\n";
     return kExitBadInput;
   }
   return exit_code;

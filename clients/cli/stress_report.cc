@@ -14,6 +14,9 @@
 namespace adhesim {
 namespace {
 
+// What a file is called until it is whole.
+constexpr char kPart[] = ".part";
+
 // JSON has no infinity: what never came back is null.
 Json Finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
@@ -206,18 +209,19 @@ absl::StatusOr<StressReport> ReadStressCells(const std::string& path) {
   return report;
 }
 
-absl::Status WriteStressFile(const std::string& path, const std::string& text) {
-  namespace fs = std::filesystem;
+absl::Status CheckReplaceable(const std::string& path) {
   std::error_code error;
-  if (const fs::path folder = fs::path(path).parent_path(); !folder.empty()) {
-    fs::create_directories(folder, error);
-  }
-  const std::string part = path + ".part";
-  std::ofstream file(part, std::ios::binary);
-  file << text;
-  file.close();
-  if (file) fs::rename(part, path, error);
-  if (file && !error) return absl::OkStatus();
+  const absl::Status writable = CheckWritable(path + kPart);
+  std::filesystem::remove(path + kPart, error);
+  if (writable.ok() && !std::filesystem::is_directory(path, error)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
+}
+
+absl::Status WriteStressFile(const std::string& path, const std::string& text) {
+  std::error_code error;
+  const absl::Status written = WriteTextFile(path + kPart, text);
+  if (written.ok()) std::filesystem::rename(path + kPart, path, error);
+  if (written.ok() && !error) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("cannot write ", path));
 }
 

@@ -74,6 +74,8 @@ Json StressJson(const StressReport& report);
 // The cells of a file that StressJson() wrote, ours and Bullet's. NotFound: there is no such file;
 // InvalidArgument: it is another.
 absl::StatusOr<StressReport> ReadStressCells(const std::string& path);
+// Whether WriteStressFile() can write there; the file stays as it is. Errors: InvalidArgument.
+absl::Status CheckReplaceable(const std::string& path);
 // Replaces the file at once, so that a run that is broken off leaves a whole one.
 absl::Status WriteStressFile(const std::string& path, const std::string& text);
 

@@ -91,6 +91,8 @@ TEST(Cli, EndsWithTwoOnBadUsage) {
 TEST(Cli, SuggestsTheCommandMeant) {
   EXPECT_THAT(Adhesim("rnu x").err, HasSubstr("did you mean 'run'?"));
   EXPECT_THAT(Adhesim("scene chek x").err, HasSubstr("did you mean 'check'?"));
+  EXPECT_THAT(Adhesim("run x --jsn=f").err,
+              HasSubstr("did you mean '--json'?)\nSee adhesim run --help"));
 }
 
 TEST(Cli, ReportsEveryMistakeOfAScene) {

@@ -62,5 +62,13 @@ TEST_F(StressCommand, RefusesWhatIsNoCaseAndWhatIsNoNumber) {
   EXPECT_THAT(Read("err"), HasSubstr("'--all' is not permitted (a file's name"));
 }
 
+TEST_F(StressCommand, SaysBeforeItRunsWhatCannotBeWritten) {
+  // A folder in the place of a file, and a file in the place of a folder.
+  EXPECT_EQ(Run("inverted --html " + File("") + scenes_), 2);
+  EXPECT_EQ(Read("err"), "error: cannot write " + File("") + "\n");
+  EXPECT_EQ(Run("--torture 1 --failures " + File("out") + scenes_), 2);
+  EXPECT_EQ(Read("err"), "error: cannot write " + File("out") + "/torture.yaml\n");
+}
+
 }  // namespace
 }  // namespace adhesim
